@@ -91,7 +91,7 @@ impl Sweep {
                 "detector.photons, or detector.exposure with source.current, in the scene";
             return Err(Error::argument("score", found, allowed));
         }
-        for score in self.scores.iter().filter(|score| score.at_sample().is_some()) {
+        for score in self.scores.iter().filter(|score| score.sample_score().is_some()) {
             if scene.objects.is_empty() {
                 let found =
                     format!("{}, a score at a sample, of a scene without objects", score.name());
@@ -101,7 +101,7 @@ impl Sweep {
                     "an object in the scene, or scores without a sample",
                 ));
             }
-            if let Some(name) = score.at_sample().and_then(|score| score.object.as_deref()) {
+            if let Some(name) = score.sample_score().and_then(|score| score.object.as_deref()) {
                 object_index(&scene, name)?;
             }
         }
@@ -124,7 +124,7 @@ impl Sweep {
         cancel: &Cancel,
         each: &mut dyn FnMut(&[Outcome]) -> Result<()>,
     ) -> Result<()> {
-        let mut scoring = Scoring { sweep: self, engine, load, cancel, kept: VecDeque::new() };
+        let mut scoring = Scoring { sweep: self, engine, load, cancel, cache: VecDeque::new() };
         while outcomes.len() < self.designs.count() {
             each(outcomes)?;
             for outcome in scoring.score(outcomes.len()) {

@@ -63,9 +63,9 @@ impl Outcome {
         let mut refused = Vec::new();
         let mut values = Vec::new();
         for score in scores {
-            let value = match (score.at_sample(), light, &images) {
+            let value = match (score.sample_score(), light, &images) {
                 (Some(score), Some(light), Some(images)) => light.value(score, images).map(Some),
-                _ => of_set_up(score, &curve, scan.as_ref()),
+                _ => set_up_value(score, &curve, scan.as_ref()),
             };
             let value = value.unwrap_or_else(|reason| {
                 refused.push(format!("{}: {reason}", score.name()));
@@ -102,7 +102,7 @@ fn reason(error: &Error) -> String {
 }
 
 /// A score without a sample; `None` where the scene has no such quantity; else the reason why it is not determined.
-fn of_set_up(
+fn set_up_value(
     score: &Score,
     curve: &check::DesignCurve,
     scan: Option<&ScanExposure>,
@@ -118,7 +118,7 @@ fn of_set_up(
         Score::Load => scan.and_then(|scan| scan.tube_load),
         Score::Kerma => scan.map(|scan| scan.air_kerma),
         Score::Dose => scan.map(|scan| scan.water_dose),
-        Score::AtSample(_) => None,
+        Score::Sample(_) => None,
     };
     match score.needs_curve() && !value.is_some_and(f64::is_finite) {
         true => Err("no method of retrieval determines it for these masks and offsets".into()),

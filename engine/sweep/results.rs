@@ -28,12 +28,12 @@ pub struct SweepReport {
     shape: Vec<usize>,
     /// SI units by the names of the scores.
     units: BTreeMap<String, String>,
-    designs: Vec<ReportedDesign>,
+    designs: Vec<DesignReport>,
 }
 
 /// A design of a report.
 #[derive(Debug, Serialize)]
-struct ReportedDesign {
+struct DesignReport {
     design: usize,
     /// Overrides of the scene, with those of the fixed quantity.
     set: Vec<String>,
@@ -66,7 +66,7 @@ impl<'a> Results<'a> {
         let (designs, scores) = (self.sweep.designs(), self.sweep.scores());
         let reported = |(design, outcome): (usize, &Outcome)| {
             let named = scores.iter().zip(&outcome.values);
-            ReportedDesign {
+            DesignReport {
                 design: design + 1,
                 set: self.sets(design),
                 values: designs.values(design).into_iter().map(str::to_owned).collect(),

@@ -57,7 +57,7 @@ pub(super) fn first_view(scene: &Scene) -> Scene {
 
 /// Columns and rows at each end of the detector that scores do not need: beyond the sample, by its share of the rays of
 /// each pixel, and a margin. None where light comes from far away, or images have other columns than the detector.
-fn unneeded(scene: &Scene, any: &Array3<f32>) -> [usize; 2] {
+fn trim(scene: &Scene, any: &Array3<f32>) -> [usize; 2] {
     let (_, rows, columns) = any.dim();
     let detector = &scene.detector;
     let blur = match &detector.blur {
@@ -99,8 +99,7 @@ impl SampleLight {
         let mut wanted = names.iter().map(index).collect::<Result<Vec<_>>>()?;
         wanted.push(None);
         let mut shares = coverage(engine, &scene, &wanted, cancel)?;
-        let [columns, rows] =
-            unneeded(&scene, shares.last().unwrap_or(&Array3::default((0, 0, 0))));
+        let [columns, rows] = trim(&scene, shares.last().unwrap_or(&Array3::default((0, 0, 0))));
         let mut part = scene.clone();
         for (pixels, unneeded) in part.detector.pixels.iter_mut().zip([columns, rows]) {
             *pixels -= 2 * numbers::count(unneeded);
@@ -185,7 +184,7 @@ impl SampleLight {
             };
             all.map(|(at, _)| pixel(at)).collect()
         };
-        let own = usable(pixels(&|share| share >= HALF, share), score.measure)?;
+        let own = select_usable(pixels(&|share| share >= HALF, share), score.measure)?;
         let difference = |pixel: &Pixel| (pixel.found - pixel.truth).powi(2);
         let variance = |pixel: &Pixel| pixel.sigma.powi(2);
         Ok(match score.measure {
@@ -196,7 +195,7 @@ impl SampleLight {
                 if beside.is_empty() {
                     return Err("no pixel beside the sample".into());
                 }
-                let beside = usable(beside, score.measure)?;
+                let beside = select_usable(beside, score.measure)?;
                 let level = mean(&beside, |pixel| pixel.found);
                 let contrast = mean(&own, |pixel| (pixel.found - level).powi(2));
                 let noise = 0.5 * (mean(&own, variance) + mean(&beside, variance));
@@ -215,7 +214,7 @@ struct Pixel {
 }
 
 /// The pixels that have what a measure compares.
-fn usable(pixels: Vec<Pixel>, measure: Measure) -> std::result::Result<Vec<Pixel>, String> {
+fn select_usable(pixels: Vec<Pixel>, measure: Measure) -> std::result::Result<Vec<Pixel>, String> {
     if pixels.is_empty() {
         return Err("less than half of the light of each pixel passes through it".into());
     }

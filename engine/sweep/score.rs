@@ -25,7 +25,7 @@ pub enum Score {
     /// Absorbed dose in water at the axis of rotation in the scan, Gy.
     Dose,
     /// Of the retrieved images of the sample.
-    AtSample(SampleScore),
+    Sample(SampleScore),
 }
 
 /// A score of the retrieved images of the first view.
@@ -97,7 +97,7 @@ const NUMBER: Unit = Unit { name: "", si_name: "1", scale: 1.0 };
 const GRAY: Unit = Unit { name: "mGy", si_name: "Gy", scale: 1e-3 };
 
 /// Names of the scores without a sample.
-static WITHOUT_SAMPLE: [(&str, Score); 9] = [
+static SET_UP_SCORES: [(&str, Score); 9] = [
     ("sigma_transmission", Score::SigmaTransmission),
     ("sigma_alpha", Score::SigmaAlpha),
     ("sigma_dark_field", Score::SigmaDarkField),
@@ -110,7 +110,7 @@ static WITHOUT_SAMPLE: [(&str, Score); 9] = [
 ];
 
 /// Names of the scores at a sample, before the name of an object.
-static AT_SAMPLE: [(&str, Measure, Contrast); 9] = [
+static SAMPLE_SCORES: [(&str, Measure, Contrast); 9] = [
     ("bias_transmission", Measure::Bias, Contrast::Transmission),
     ("bias_alpha", Measure::Bias, Contrast::Refraction),
     ("bias_dark_field", Measure::Bias, Contrast::DarkField),
@@ -125,7 +125,7 @@ static AT_SAMPLE: [(&str, Measure, Contrast); 9] = [
 impl SampleScore {
     fn of(name: &str) -> Option<Self> {
         let (word, object) = name.split_once(':').map_or((name, None), |(w, o)| (w, Some(o)));
-        let (_, measure, contrast) = AT_SAMPLE.iter().find(|known| known.0 == word.trim())?;
+        let (_, measure, contrast) = SAMPLE_SCORES.iter().find(|known| known.0 == word.trim())?;
         let object = object.map(|object| object.trim().to_owned());
         Some(Self { measure: *measure, contrast: *contrast, object })
     }
@@ -134,7 +134,7 @@ impl SampleScore {
         let is_own = |known: &&(&str, Measure, Contrast)| {
             known.1 == self.measure && known.2 == self.contrast
         };
-        let word = AT_SAMPLE.iter().find(is_own).map_or("", |known| known.0);
+        let word = SAMPLE_SCORES.iter().find(is_own).map_or("", |known| known.0);
         self.object.as_ref().map_or_else(|| word.into(), |object| format!("{word}:{object}"))
     }
 }
@@ -160,10 +160,10 @@ impl Score {
     }
 
     fn of(name: &str) -> Result<Self> {
-        if let Some((_, score)) = WITHOUT_SAMPLE.iter().find(|known| known.0 == name) {
+        if let Some((_, score)) = SET_UP_SCORES.iter().find(|known| known.0 == name) {
             return Ok(score.clone());
         }
-        let found = SampleScore::of(name).map(Self::AtSample);
+        let found = SampleScore::of(name).map(Self::Sample);
         found.ok_or_else(|| Error::argument("score", format!("{name:?}"), names()))
     }
 
@@ -171,9 +171,9 @@ impl Score {
     #[must_use]
     pub fn name(&self) -> String {
         match self {
-            Self::AtSample(score) => score.name(),
+            Self::Sample(score) => score.name(),
             other => {
-                let known = WITHOUT_SAMPLE.iter().find(|known| known.1 == *other);
+                let known = SET_UP_SCORES.iter().find(|known| known.1 == *other);
                 known.map_or("", |known| known.0).to_owned()
             }
         }
@@ -188,7 +188,7 @@ impl Score {
             Self::Time => Unit { name: "s", si_name: "s", scale: 1.0 },
             Self::Load => Unit { name: "mA s", si_name: "mA s", scale: 1.0 },
             Self::Kerma | Self::Dose => GRAY,
-            Self::AtSample(score) => match score.measure {
+            Self::Sample(score) => match score.measure {
                 Measure::Bias | Measure::Error => score.contrast.unit(),
                 Measure::ContrastToNoise => NUMBER,
             },
@@ -218,7 +218,7 @@ impl Score {
     pub const fn rises(&self) -> bool {
         match self {
             Self::Visibility | Self::Photons => true,
-            Self::AtSample(score) => matches!(score.measure, Measure::ContrastToNoise),
+            Self::Sample(score) => matches!(score.measure, Measure::ContrastToNoise),
             Self::SigmaTransmission
             | Self::SigmaAlpha
             | Self::SigmaDarkField
@@ -243,15 +243,15 @@ impl Score {
     pub const fn needs_photons(&self) -> bool {
         match self {
             Self::Visibility => false,
-            Self::AtSample(score) => score.measure.needs_photons(),
+            Self::Sample(score) => score.measure.needs_photons(),
             _ => true,
         }
     }
 
     /// The score at a sample; `None` of the set-up alone.
-    pub(super) const fn at_sample(&self) -> Option<&SampleScore> {
+    pub(super) const fn sample_score(&self) -> Option<&SampleScore> {
         match self {
-            Self::AtSample(score) => Some(score),
+            Self::Sample(score) => Some(score),
             _ => None,
         }
     }
@@ -259,7 +259,7 @@ impl Score {
 
 /// Names of all scores.
 fn names() -> String {
-    let without = WITHOUT_SAMPLE.each_ref().map(|known| known.0).join(", ");
-    let at_sample = AT_SAMPLE.map(|known| known.0).join(", ");
+    let without = SET_UP_SCORES.each_ref().map(|known| known.0).join(", ");
+    let at_sample = SAMPLE_SCORES.map(|known| known.0).join(", ");
     format!("{without}; at a sample {at_sample}, alone or with an object as cnr:OBJECT")
 }

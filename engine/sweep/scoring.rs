@@ -16,7 +16,7 @@ use std::thread::{self, ScopedJoinHandle};
 /// Designs that are scored at once.
 const AT_ONCE: usize = 64;
 /// The same without a sample.
-const WITHOUT_SAMPLE: usize = 16;
+const AT_ONCE_WITHOUT_SAMPLE: usize = 16;
 /// Most bytes of light that is kept for later designs.
 const KEPT_BYTES: usize = 256 << 20;
 
@@ -27,34 +27,34 @@ pub(super) struct Scoring<'a> {
     pub(super) load: &'a Load<'a>,
     pub(super) cancel: &'a Cancel,
     /// Light of earlier designs, the latest last.
-    pub(super) kept: VecDeque<Arc<SampleLight>>,
+    pub(super) cache: VecDeque<Arc<SampleLight>>,
 }
 
 /// Light of a scene, or why it is refused.
-type Lit = (Scene, Result<Arc<SampleLight>>);
+type SceneLight = (Scene, Result<Arc<SampleLight>>);
 
 impl Scoring<'_> {
     /// Scores of some designs from `from` on, in their order. A design that is refused has the reason
     /// in place of scores.
     pub(super) fn score(&mut self, from: usize) -> Vec<Result<Outcome>> {
         let count = self.sweep.designs.count();
-        let at_sample: Vec<&SampleScore> =
-            self.sweep.scores.iter().filter_map(Score::at_sample).collect();
-        if at_sample.is_empty() {
-            let designs = (from..count.min(from + WITHOUT_SAMPLE)).into_par_iter();
+        let scores: Vec<&SampleScore> =
+            self.sweep.scores.iter().filter_map(Score::sample_score).collect();
+        if scores.is_empty() {
+            let designs = (from..count.min(from + AT_ONCE_WITHOUT_SAMPLE)).into_par_iter();
             return designs.map(|design| self.outcome(self.design(design), &[])).collect();
         }
         let (designs, scenes) = self.next_designs(from..count.min(from + AT_ONCE));
-        let lit = self.light(scenes, &at_sample);
-        let outcomes = designs.into_iter().map(|design| self.outcome(design, &lit)).collect();
-        self.keep(lit);
+        let lights = self.light(scenes, &scores);
+        let outcomes = designs.into_iter().map(|design| self.outcome(design, &lights)).collect();
+        self.keep(lights);
         outcomes
     }
 
     /// Light of scenes, each on a thread of its own: loading a sample waits for the threads of rayon.
-    fn light(&self, scenes: Vec<Scene>, scores: &[&SampleScore]) -> Vec<Lit> {
+    fn light(&self, scenes: Vec<Scene>, scores: &[&SampleScore]) -> Vec<SceneLight> {
         let light = &|scene: &Scene| {
-            let kept = self.kept.iter().find(|light| light.is_of(scene)).cloned();
+            let kept = self.cache.iter().find(|light| light.is_of(scene)).cloned();
             let simulate = || SampleLight::of(self.engine, scene.clone(), scores, self.cancel);
             kept.map_or_else(|| simulate().map(Arc::new), Ok)
         };
@@ -81,7 +81,7 @@ impl Scoring<'_> {
             if let Ok(design) = &design {
                 let scene = first_view(&design.scene);
                 if !scenes.contains(&scene) {
-                    new += usize::from(!self.kept.iter().any(|light| light.is_of(&scene)));
+                    new += usize::from(!self.cache.iter().any(|light| light.is_of(&scene)));
                     if new > rayon::current_num_threads() {
                         break;
                     }
@@ -99,40 +99,40 @@ impl Scoring<'_> {
         Design::of(scene, self.sweep.fixed.as_ref())
     }
 
-    fn outcome(&self, design: Result<Design>, lit: &[Lit]) -> Result<Outcome> {
+    fn outcome(&self, design: Result<Design>, lights: &[SceneLight]) -> Result<Outcome> {
         let refused = |error: &Error| Outcome::refused(error, self.sweep.scores.len());
         let design = match design {
             Err(Error::Interrupted) => return Err(Error::Interrupted),
             Err(error) => return Ok(refused(&error)),
             Ok(design) => design,
         };
-        let own = first_view(&design.scene);
-        let light = match lit.iter().find(|(scene, _)| *scene == own) {
+        let is_own = |(scene, _): &&SceneLight| *scene == first_view(&design.scene);
+        let light = match lights.iter().find(is_own) {
             None => None,
             Some((_, Ok(light))) => Some(&**light),
-            Some((_, Err(error))) => return ended(error).map_or_else(|| Ok(refused(error)), Err),
+            Some((_, Err(error))) => return fatal(error).map_or_else(|| Ok(refused(error)), Err),
         };
         let scores = &self.sweep.scores;
         match Outcome::of(self.engine, &design, scores, light, self.cancel) {
             Ok(outcome) => Ok(outcome),
-            Err(error) => ended(&error).map_or_else(|| Ok(refused(&error)), Err),
+            Err(error) => fatal(&error).map_or_else(|| Ok(refused(&error)), Err),
         }
     }
 
-    fn keep(&mut self, lit: Vec<Lit>) {
-        for light in lit.into_iter().filter_map(|(_, light)| light.ok()) {
-            if !self.kept.iter().any(|kept| Arc::ptr_eq(kept, &light)) {
-                self.kept.push_back(light);
+    fn keep(&mut self, lights: Vec<SceneLight>) {
+        for light in lights.into_iter().filter_map(|(_, light)| light.ok()) {
+            if !self.cache.iter().any(|kept| Arc::ptr_eq(kept, &light)) {
+                self.cache.push_back(light);
             }
         }
-        while self.kept.iter().map(|light| light.bytes()).sum::<usize>() > KEPT_BYTES {
-            self.kept.pop_front();
+        while self.cache.iter().map(|light| light.bytes()).sum::<usize>() > KEPT_BYTES {
+            self.cache.pop_front();
         }
     }
 }
 
 /// The error that ends a sweep and refuses no design.
-fn ended(error: &Error) -> Option<Error> {
+fn fatal(error: &Error) -> Option<Error> {
     match error {
         Error::Interrupted => Some(Error::Interrupted),
         Error::Device { wanted, found, remedy, .. } => {

@@ -55,7 +55,7 @@ pub(super) struct Record {
 
 /// The file as it is written.
 #[derive(Serialize)]
-struct WrittenRecord<'a> {
+struct RecordView<'a> {
     subject: &'a Subject,
     designs: &'a [Outcome],
 }
@@ -103,7 +103,7 @@ impl Record {
     /// Writes the file with these designs in place of the one that is there.
     pub(super) fn write(&self, output: &Path, designs: &[Outcome]) -> beamlet::Result<()> {
         let path = output.join(NAME);
-        let text = serde_json::to_string(&WrittenRecord { subject: &self.subject, designs });
+        let text = serde_json::to_string(&RecordView { subject: &self.subject, designs });
         let text = text.map_err(|error| Error::file(&path, error.to_string(), None))?;
         write_file(&path, text.as_bytes())
     }
