@@ -91,22 +91,30 @@ impl Sweep {
                 "detector.photons, or detector.exposure with source.current, in the scene";
             return Err(Error::argument("score", found, allowed));
         }
-        for score in self.scores.iter().filter(|score| score.sample_score().is_some()) {
-            if scene.objects.is_empty() {
-                let found =
-                    format!("{}, a score at a sample, of a scene without objects", score.name());
-                return Err(Error::argument(
-                    "score",
-                    found,
-                    "an object in the scene, or scores without a sample",
-                ));
-            }
-            if let Some(name) = score.sample_score().and_then(|score| score.object.as_deref()) {
-                object_index(&scene, name)?;
-            }
-        }
+        self.check_sample(&scene)?;
         if let Some(fixed) = &mut self.fixed {
             fixed.resolve(&scene)?;
+        }
+        Ok(())
+    }
+
+    /// Refuses scores at a sample of a scene that cannot have them.
+    fn check_sample(&self, scene: &Scene) -> Result<()> {
+        for score in &self.scores {
+            let Some(own) = score.sample_score() else { continue };
+            let wrong = |what: &str, allowed: &str| {
+                let found = format!("{}, a score at a sample, of a scene {what}", score.name());
+                Error::argument("score", found, format!("{allowed}, or scores without a sample"))
+            };
+            if scene.objects.is_empty() {
+                return Err(wrong("without objects", "an object in the scene"));
+            }
+            if scene.has_heights() {
+                return Err(wrong("whose apertures end along z", "slits"));
+            }
+            if let Some(name) = &own.object {
+                object_index(scene, name)?;
+            }
         }
         Ok(())
     }
