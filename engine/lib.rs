@@ -101,9 +101,9 @@ pub mod scene {
         DetectorMode, Exposure, Filter, Fly, Instances, KernelFile, MaskBody, MaskSpec,
         MaterialSpec, Mesh, MeshFormat, Motion, Normals, Object, Packing, PackingAmount,
         PackingKind, PackingRegion, Pattern, Photons, Placement, Pose, Quality, RandomRays,
-        Rectangle, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scene, Scheme, Shape,
-        ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart, Substrate,
-        Tolerances, Transport, View,
+        Rectangle, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scattering, Scene, Scheme,
+        Shape, ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart,
+        Substrate, Tolerances, Transport, View,
     };
 }
 /// Spectra and their energy nodes.

@@ -58,6 +58,9 @@ float rounding_threshold(uint ray) {
     return float((ray * 2654435769u) >> 8u) / 16777216.0;
 }
 
+// Dimension of the draws of scattered light.
+const uint SCATTERED = 0x5ca77e2u;
+
 void main() {
     uint p = gl_GlobalInvocationID.x / push.shares;
     uint share = gl_GlobalInvocationID.x % push.shares;
@@ -89,6 +92,13 @@ void main() {
         float slope_z = row_z + (d.target.y - d.source.y) / light.detector;
         float sec = secant(slope, slope_z);
         float x = d.source.x * (1.0 - plane) + d.target.x * plane;
+        // What materials spread; rough surfaces have drawn their normals.
+        vec2 scattered = vec2(0.0);
+        if (result.displacement_variance > 0.0) {
+            scattered = sqrt(result.displacement_variance) * normal_pair(pcg4d(uvec4(d.key, SCATTERED, 0u, 0u)).xy);
+        }
+        result.displacement_x += scattered.x;
+        result.displacement_z += scattered.y;
         float u = d.source.x * (1.0 - light.ratio) + d.target.x * light.ratio + result.displacement_x;
 #ifdef HEIGHTS
         // Rows downwards, from the upper end of the row of the pixel, and the slope along them.

@@ -218,10 +218,14 @@ fn write_estimate(f: &mut Formatter<'_>, work: &Work) -> fmt::Result {
 }
 
 fn write_material(f: &mut Formatter<'_>, material: &Material, width: usize) -> fmt::Result {
-    let Material { name, mu, delta, critical_angle, .. } = material;
+    let Material { name, mu, delta, critical_angle, scattering, .. } = material;
     let angle = format!("{} mrad", number(critical_angle * 1e3));
     write!(f, "  {name:width$}  mu {:>12}  delta {delta:>11.4e}", format!("{} /m", number(*mu)))?;
-    write!(f, "  critical angle {angle:>14}  ({})", material.used_by.join(", "))?;
+    write!(f, "  critical angle {angle:>14}")?;
+    if *scattering > 0.0 {
+        write!(f, "  scattering {}", Dimension::Scattering.rounded(*scattering))?;
+    }
+    write!(f, "  ({})", material.used_by.join(", "))?;
     writeln!(f, "{}", if material.shadows_builtin { ", hides the built-in one" } else { "" })
 }
 

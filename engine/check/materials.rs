@@ -49,6 +49,7 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
             mu: constants.mu,
             delta: constants.delta,
             critical_angle: (2.0 * constants.delta.max(0.0)).sqrt(),
+            scattering: constants.scattering,
             shadows_builtin: shadows_builtin(scene, &name),
             name,
         });

@@ -48,6 +48,8 @@ pub enum Dimension {
     Time,
     /// Absorbed dose and kerma in gray.
     Dose,
+    /// Variance of an angle per length in rad2/m.
+    Scattering,
 }
 
 /// A text that is no quantity of the dimension.
@@ -125,6 +127,15 @@ const DOSES: &[(&str, UnitScale)] = &[
     ("\u{b5}Gy", Ten(-6)),
     ("\u{3bc}Gy", Ten(-6)),
 ];
+const SCATTERINGS: &[(&str, UnitScale)] = &[
+    ("rad^2/m", Ten(0)),
+    ("mrad^2/m", Ten(-6)),
+    ("urad^2/m", Ten(-12)),
+    ("urad^2/cm", Ten(-10)),
+    ("urad^2/mm", Ten(-9)),
+    ("rad2/m", Ten(0)),
+    ("rad\u{b2}/m", Ten(0)),
+];
 
 /// Names of the inch, a unit of mesh files: lengths in scenes are metric.
 const INCHES: [&str; 2] = ["inch", "inches"];
@@ -143,6 +154,8 @@ const UNLISTED: &[&str] = &[
     "g/cm\u{b3}",
     "kg/m^3",
     "kg/m\u{b3}",
+    "rad2/m",
+    "rad\u{b2}/m",
 ];
 const ATTENUATIONS: &[(&str, UnitScale)] = &[
     ("1/m", Ten(0)),
@@ -165,6 +178,7 @@ impl Dimension {
             Self::Current => CURRENTS,
             Self::Time => TIMES,
             Self::Dose => DOSES,
+            Self::Scattering => SCATTERINGS,
         }
     }
 
@@ -185,6 +199,7 @@ impl Dimension {
             Self::Current => ("a current", "10 mA"),
             Self::Time => ("a time", "2 s"),
             Self::Dose => ("a dose", "5 mGy"),
+            Self::Scattering => ("a variance of angles per length", "2e-9 rad^2/m"),
         };
         let mut units: Vec<_> = self.table().iter().map(|unit| unit.0).collect();
         units.retain(|unit| !UNLISTED.contains(unit));
@@ -284,6 +299,7 @@ impl Dimension {
             Self::Time => (0, "s"),
             Self::Dose if value.abs() >= 1.0 => (0, "Gy"),
             Self::Dose => (-3, "mGy"),
+            Self::Scattering => (0, "rad^2/m"),
             Self::Angle => {
                 let degrees = (value.to_degrees() * 1e9).round() / 1e9;
                 if degrees.to_radians().to_bits() == value.to_bits() {
@@ -334,6 +350,9 @@ mod tests {
             (Dimension::Time, "1.5 min", 90.0),
             (Dimension::Time, "20 ms", 0.02),
             (Dimension::Dose, "5 mGy", 0.005),
+            (Dimension::Scattering, "2e-9 rad^2/m", 2e-9),
+            (Dimension::Scattering, "2.5 urad^2/mm", 2.5e-9),
+            (Dimension::Scattering, "40 urad^2/cm", 40e-10),
         ];
         for (dimension, text, expected) in cases {
             assert_eq!(dimension.parse(text).unwrap().to_bits(), f64::to_bits(expected), "{text}");
@@ -390,7 +409,7 @@ mod tests {
             for dimension in [
                 Dimension::Length, Dimension::Energy, Dimension::Density, Dimension::Angle,
                 Dimension::Attenuation, Dimension::Voltage, Dimension::Current, Dimension::Time,
-                Dimension::Dose,
+                Dimension::Dose, Dimension::Scattering,
             ] {
                 let text = dimension.format(value);
                 prop_assert_eq!(dimension.parse(&text).unwrap().to_bits(), value.to_bits());

@@ -65,6 +65,8 @@ shared_constants! {
     KIND_MOVED: u32 = 128;
     /// Kind in a sample: rough surfaces have heights, not slopes.
     KIND_HEIGHTS: u32 = 256;
+    /// Kind in a sample: materials that scatter.
+    KIND_SCATTERING: u32 = 512;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.

@@ -114,6 +114,8 @@ shared_structs! {
         /// 1/m.
         pub mu: f32,
         pub delta: f32,
+        /// Variance of the refraction angle per path length, rad2/m.
+        pub scattering: f32,
     }
 
     /// Compressed wide BVH node, 80 bytes (Ylitie et al. 2017, obvhs layout).
@@ -144,7 +146,8 @@ shared_structs! {
         pub signature: u32,
         pub flags: u32,
         pub crossings: u32,
-        /// Variance of the displacement along x by rough surfaces whose normals are not drawn, m2.
+        /// Variance of the displacement along x by rough surfaces whose normals are not drawn and by materials that
+        /// scatter, m2.
         pub displacement_variance: f32,
     }
 

@@ -13,6 +13,8 @@ shared_structs! {
         pub half_mu: f32,
         /// Displacement in the plane of the sample mask per lever moment.
         pub delta: f32,
+        /// Variance of the displacement in the plane of the sample mask per moment of scattering.
+        pub scattering: f32,
     }
 
     /// Field behind the sample at one ray.
@@ -21,6 +23,8 @@ shared_structs! {
         pub im: f32,
         /// Displacement by the depth of the sample along the axis, in the plane of the sample mask, m.
         pub displacement: f32,
+        /// Variance of the displacement along x by materials that scatter, in the plane of the sample mask, m2.
+        pub variance: f32,
     }
 
     /// Sum of the products of pairs up to a ray.
@@ -97,6 +101,8 @@ shared_structs! {
         /// Words of the moments of a ray.
         pub words: u32,
         pub material_count: u32,
+        /// Words of scattering, the last ones of a ray: as many as materials, or none.
+        pub scattering_words: u32,
         /// Centre of the sample to the analyser, m.
         pub lever: f32,
     }

@@ -4,7 +4,8 @@ use crate::material::{self, Constants};
 use crate::scene::Scene;
 use crate::spectrum;
 use beamlet_core::{Result, numbers};
-use beamlet_interface::{MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
+use beamlet_interface::{KIND_ROUGH, KIND_SCATTERING, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
+use std::ops::Range;
 
 /// Materials by index; index 0 is the surroundings.
 #[derive(Debug, Clone)]
@@ -56,10 +57,25 @@ impl MaterialTable {
         })
     }
 
+    /// `KIND_` bits of the numbers that moments have beside those of every sample.
+    #[must_use]
+    pub fn kinds(&self) -> u32 {
+        let rough = self.roughness.iter().any(|it| *it > 0.0);
+        let scatters = self.constants.iter().flatten().any(|it| it.scattering > 0.0);
+        let bit = |has: bool, bit: u32| if has { bit } else { 0 };
+        bit(rough, KIND_ROUGH) | bit(scatters, KIND_SCATTERING)
+    }
+
     /// Words of the moments of a ray through them.
     #[must_use]
     pub fn moment_words(&self) -> usize {
-        moment_words(self.names.len(), self.roughness.iter().any(|it| *it > 0.0))
+        moment_words(self.names.len(), self.kinds())
+    }
+
+    /// Words of the moments of a ray that hold the moment of scattering of each material; none where nothing scatters.
+    #[must_use]
+    pub fn scattering_words(&self) -> Range<usize> {
+        moment_words(self.names.len(), self.kinds() & !KIND_SCATTERING)..self.moment_words()
     }
 
     /// Constants averaged over the spectrum, by material: those that refinement goes by.
@@ -69,7 +85,11 @@ impl MaterialTable {
             self.weights.iter().zip(&self.constants).map(|(w, c)| w * of(&c[m])).sum()
         };
         (0..self.names.len())
-            .map(|m| Constants { mu: mean(m, |c| c.mu), delta: mean(m, |c| c.delta) })
+            .map(|m| Constants {
+                mu: mean(m, |c| c.mu),
+                delta: mean(m, |c| c.delta),
+                scattering: mean(m, |c| c.scattering),
+            })
             .collect()
     }
 
@@ -129,9 +149,11 @@ impl MaterialTable {
     }
 }
 
-/// Words of the moments of a ray, without their head: of each material, and in samples with rough
-/// surfaces of each pair of them.
-pub const fn moment_words(materials: usize, rough: bool) -> usize {
-    let pairs = if rough { materials * (materials - 1) / 2 } else { 0 };
-    materials * MOMENTS_PER_MATERIAL + pairs * MOMENTS_PER_PAIR
+/// Words of the moments of a ray, without their head: of each material, in samples with rough surfaces of each pair of
+/// them, and where materials scatter one of each material again. `kinds`: `KIND_` bits of the sample.
+#[must_use]
+pub const fn moment_words(materials: usize, kinds: u32) -> usize {
+    let pairs = if kinds & KIND_ROUGH != 0 { materials * (materials - 1) / 2 } else { 0 };
+    let scattering = if kinds & KIND_SCATTERING != 0 { materials } else { 0 };
+    materials * MOMENTS_PER_MATERIAL + pairs * MOMENTS_PER_PAIR + scattering
 }

@@ -1,6 +1,12 @@
 // The order-free walk: moments of a ray, summed over its crossings in any order.
 // Runs of crossings between the same two materials are summed in registers.
 
+#ifdef PLACED
+const bool SCATTERS = (KINDS & KIND_SCATTERING) != 0u;
+#else
+const bool SCATTERS = false;
+#endif
+
 struct Run {
     uint signature;
     uint balance;
@@ -12,11 +18,12 @@ struct Run {
     float path;
     vec2 lever;
     vec2 slope;
+    float scattering; // variance of the displacement along x per variance of angles per length, m3
     float variance; // of the displacement along x, by rough surfaces, of all runs
 };
 
 Run run_begin() {
-    return Run(0u, 0u, 0u, 0u, 0u, 0u, 1e30, 0.0, vec2(0.0), vec2(0.0), 0.0);
+    return Run(0u, 0u, 0u, 0u, 0u, 0u, 1e30, 0.0, vec2(0.0), vec2(0.0), 0.0, 0.0);
 }
 
 // By way of uvec2: SwiftShader ends the process on a cast of one reference to another.
@@ -39,7 +46,13 @@ uint moments_stride() {
         stride += push.materials * (push.materials - 1u) / 2u * MOMENTS_PER_PAIR;
     }
 #endif
+    if (SCATTERS) stride += push.materials;
     return stride;
+}
+
+// Word of the moment of scattering of a material; `head`: of the moments of the ray.
+uint place_of_scattering(uint head, uint material) {
+    return head + moments_stride() - push.materials + material;
 }
 
 #ifdef SUMS_IN_REGISTERS
@@ -49,12 +62,13 @@ struct Sums {
     float path[MATERIALS_IN_REGISTERS];
     vec2 lever[MATERIALS_IN_REGISTERS];
     vec2 slope[MATERIALS_IN_REGISTERS];
+    float scattering[MATERIALS_IN_REGISTERS];
 };
 
 Sums sums_begin(uint index, bool live) {
     Sums sums;
     EACH_MATERIAL {
-        sums.path[m] = 0.0;
+        sums.path[m] = sums.scattering[m] = 0.0;
         sums.lever[m] = sums.slope[m] = vec2(0.0);
     }
     return sums;
@@ -66,6 +80,7 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
             sums.path[m] += sign_ * run.path;
             sums.lever[m] += sign_ * run.lever;
             sums.slope[m] += sign_ * run.slope;
+            if (SCATTERS) sums.scattering[m] += sign_ * run.scattering;
         }
     }
 }
@@ -81,8 +96,10 @@ RayResult result_of(Sums sums, Run run) {
             result.displacement_z += k.delta * sums.lever[m].y;
             result.slope_x += k.delta * sums.slope[m].x;
             result.slope_z += k.delta * sums.slope[m].y;
+            if (SCATTERS) result.displacement_variance += k.scattering * sums.scattering[m];
         }
     }
+    if (SCATTERS) result.displacement_variance = max(result.displacement_variance, 0.0);
     return result;
 }
 
@@ -109,6 +126,7 @@ void sums_end(Sums sums, uint index, RayResult result, uint balance) {
             moments.at[first + MOMENTS_LEVER + 1u] = sums.lever[m].y;
             moments.at[first + MOMENTS_SLOPE] = sums.slope[m].x;
             moments.at[first + MOMENTS_SLOPE + 1u] = sums.slope[m].y;
+            if (SCATTERS) moments.at[place_of_scattering(head, m)] = sums.scattering[m];
         }
     }
 }
@@ -138,6 +156,7 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
     moments.at[m + MOMENTS_LEVER + 1u] += sign_ * run.lever.y;
     moments.at[m + MOMENTS_SLOPE] += sign_ * run.slope.x;
     moments.at[m + MOMENTS_SLOPE + 1u] += sign_ * run.slope.y;
+    if (SCATTERS) moments.at[place_of_scattering(sums.head, material)] += sign_ * run.scattering;
 }
 
 RayResult result_of(Sums sums, Run run) {
@@ -152,7 +171,11 @@ RayResult result_of(Sums sums, Run run) {
         result.displacement_z += k.delta * moments.at[base + MOMENTS_LEVER + 1u];
         result.slope_x += k.delta * moments.at[base + MOMENTS_SLOPE];
         result.slope_z += k.delta * moments.at[base + MOMENTS_SLOPE + 1u];
+        if (SCATTERS) {
+            result.displacement_variance += k.scattering * moments.at[place_of_scattering(sums.head, m)];
+        }
     }
+    if (SCATTERS) result.displacement_variance = max(result.displacement_variance, 0.0);
     return result;
 }
 
@@ -177,7 +200,7 @@ void run_flush(inout Sums sums, inout Run run) {
         sums_add(sums, run.outside, -1.0, run);
     }
     run.inside = run.outside = 0u;
-    run.path = 0.0;
+    run.path = run.scattering = 0.0;
     run.lever = vec2(0.0);
     run.slope = vec2(0.0);
 }
@@ -186,6 +209,15 @@ void run_flush(inout Sums sums, inout Run run) {
 bool run_ends_at(Run run, Surface surface) {
     return run.inside != run.outside && surface.inside != surface.outside
         && (run.inside != surface.inside || run.outside != surface.outside);
+}
+
+// Integral of the square of the distance to the analyser from the plane 0 to y along a ray: variance of the
+// displacement along x per variance of angles along one axis and length. An angle v across a ray of the direction
+// d = (s_x, 1, s_z) changes s_x by |d| (v_x - s_x v_y), and a length is |d| dy.
+float squared_arm(Beam beam, Stretch stretch, float y) {
+    float arm = beam.analyser;
+    float length_ = stretch.length_;
+    return y * (arm * (arm - y) + y * y / 3.0) * length_ * length_ * length_ * (1.0 + beam.slope_x * beam.slope_x);
 }
 
 // Counts a crossing of a surface of this hash, with its part of the signature.
@@ -209,6 +241,7 @@ void run_add(inout Run run, Beam beam, Stretch stretch, Surface surface, vec3 no
     run.path -= sign_ * y * stretch.length_;
     run.lever += g * (beam.analyser - y);
     run.slope += g;
+    if (SCATTERS) run.scattering -= sign_ * squared_arm(beam, stretch, y);
 }
 
 // Counts and adds a crossing.

@@ -40,8 +40,8 @@ void main() {
         at += MOMENTS_PER_MATERIAL;
     }
     // Heights of rough surfaces, by pairs of materials.
-    bool is_rough = push.words > MOMENTS_HEAD + push.material_count * MOMENTS_PER_MATERIAL;
-    for (uint high = 1u; high < push.material_count && is_rough; high++) {
+    uint own = MOMENTS_HEAD + push.material_count * MOMENTS_PER_MATERIAL + push.scattering_words;
+    for (uint high = 1u; high < push.material_count && push.words > own; high++) {
         for (uint low = 0u; low < high; low++) {
             float path = push.moments.at[at + MOMENTS_HEIGHT];
             WaveMaterial gains = push.materials.at[high];
@@ -51,10 +51,14 @@ void main() {
             at += MOMENTS_PER_PAIR;
         }
     }
+    float variance = 0.0;
+    for (uint m = 0u; m < push.scattering_words; m++) {
+        variance += push.materials.at[m].scattering * push.moments.at[at + m];
+    }
     cycles -= floor(cycles + 0.5);
     vec2 field = exp(-depth) * turned(-cycles);
     // Light of rays that are not finite is left out, and counted.
     bool is_finite = (flags & FLAG_NOT_FINITE) == 0u && abs(depth) < 1e30 && abs(displacement) < 1e30;
     push.fields.at[push.first + ray] = is_finite
-        ? WaveField(field.x, field.y, displacement) : WaveField(0.0, 0.0, 0.0);
+        ? WaveField(field.x, field.y, displacement, max(variance, 0.0)) : WaveField(0.0, 0.0, 0.0, 0.0);
 }

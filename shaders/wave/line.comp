@@ -44,6 +44,11 @@ vec2 product(WaveParams params, WaveLine line, Shear shear, uint i) {
         float moved = 0.5 * (low.displacement + high.displacement);
         float more = float(shear.index) * params.frequency * moved;
         cycles += more - floor(more + 0.5);
+        float variance = 0.5 * (low.variance + high.variance);
+        if (variance > 0.0) {
+            float turns = 6.283185307179586 * float(shear.index) * params.frequency;
+            field *= exp(-0.5 * turns * turns * variance);
+        }
     }
     return times(field, turned(-cycles));
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use beamlet::cli_support::material::{builtin, builtin_names};
-use beamlet::material::constants;
+use beamlet::material::{constants, constants_at};
 use beamlet::scene::{Beam, Detector, MaterialSpec, Scene, Source};
 
 fn scene(energy: f64) -> Scene {
@@ -244,5 +244,28 @@ fn columns_of_a_table_may_come_in_any_order_and_in_quotes() {
     ] {
         let (mu, delta) = table(directory.path(), text, 20.0).unwrap();
         assert_eq!((mu, delta), (100.0, 1e-6), "{text}");
+    }
+}
+
+#[test]
+fn scattering_is_read_written_and_follows_the_energy() {
+    let text = "[source]\ndistance = \"1 m\"\nspot = \"0 um\"\nenergy = \"30 keV\"\n\
+                [detector]\ndistance = \"2 m\"\npixels = [8, 8]\npitch = \"100 um\"\n\
+                [materials.powder]\nformula = \"SiO2\"\ndensity = \"1.3 g/cm3\"\n\
+                scattering = \"2 urad^2/mm\"\nscattering_exponent = -4\n\
+                scattering_energy = \"20 keV\"\n\
+                [materials.plain]\nformula = \"SiO2\"\ndensity = \"1.3 g/cm3\"\n";
+    let scene = Scene::from_toml(text, ".").unwrap();
+    let written = scene.to_toml(".", &BTreeMap::new(), &[]).unwrap();
+    let again = Scene::from_toml(&written, ".").unwrap();
+    assert_eq!(again.scattering, scene.scattering, "{written}");
+    assert_eq!(scene.scattering.len(), 1);
+    for energy in [20.0, 30.0, 40.0_f64] {
+        let found = constants_at(&scene, "powder", energy).unwrap();
+        let plain = constants_at(&scene, "plain", energy).unwrap();
+        let expected = 2e-9 * (energy / 20.0).powi(-4);
+        assert!((found.scattering / expected - 1.0).abs() < 1e-12, "{energy} keV: {found:?}");
+        assert_eq!([found.mu, found.delta], [plain.mu, plain.delta]);
+        assert_eq!(plain.scattering, 0.0);
     }
 }

@@ -26,6 +26,7 @@ mod ray_limits;
 mod reference_against_closed_forms;
 mod rough;
 mod sample;
+mod scattering;
 mod source_drift;
 mod spot_forms;
 mod spots;

@@ -21,6 +21,7 @@ mod peers;
 mod projector;
 mod refused;
 mod resident;
+mod scattering;
 mod set_up;
 #[cfg(feature = "cli")]
 mod truth;

@@ -26,6 +26,7 @@ pub mod normal;
 pub mod rays;
 pub mod rough;
 pub mod round_bodies;
+pub mod scattering;
 pub mod scenes;
 pub mod silhouettes;
 pub mod stack;

@@ -49,7 +49,8 @@ pub(super) fn constants(
         db.xray_delta_beta(formula, density, *energy).map(|found| found.delta).map_err(failed)
     };
     let deltas: Vec<f64> = energies_ev.iter().map(delta).collect::<Result<_>>()?;
-    let constants = |(mu, delta): (f64, f64)| Constants { mu: mu * 100.0, delta };
+    let constants =
+        |(mu, delta): (f64, f64)| Constants { mu: mu * 100.0, delta, ..Constants::default() };
     Ok(mu_per_cm.into_iter().zip(deltas).map(constants).collect())
 }
 

@@ -30,6 +30,8 @@ pub struct Constants {
     pub mu: f64,
     /// Refractive index decrement (n = 1 - delta + i beta).
     pub delta: f64,
+    /// Variance of the refraction angle along one axis by structure that no object describes, per path length, rad2/m.
+    pub scattering: f64,
 }
 
 /// Relative difference of energies by rounding: of a node, the exponential of a logarithm.
@@ -180,15 +182,22 @@ impl Asked<'_> {
             return Err(self.outside(format!("{energy} keV"), "an energy above 0".into()));
         }
         let outside = |found, allowed| self.outside(found, allowed);
-        match &Law::of(scene, name, key)? {
-            Law::Numbers(constants) => Ok(vec![*constants; energies.len()]),
+        let mut constants = match &Law::of(scene, name, key)? {
+            Law::Numbers(constants) => vec![*constants; energies.len()],
             Law::Formula { formula, density } => {
-                formula::constants(name, formula, *density, energies, outside)
+                formula::constants(name, formula, *density, energies, outside)?
             }
             Law::Table(table) => {
-                energies.iter().map(|energy| table.at(name, *energy, outside)).collect()
+                let at = |energy: &f64| table.at(name, *energy, outside);
+                energies.iter().map(at).collect::<Result<_>>()?
+            }
+        };
+        if let Some(scattering) = scene.scattering.get(name) {
+            for (constants, energy) in constants.iter_mut().zip(energies) {
+                constants.scattering = scattering.at(*energy);
             }
         }
+        Ok(constants)
     }
 
     /// An energy without constants.
@@ -223,7 +232,9 @@ impl<'a> Law<'a> {
         };
         match spec {
             MaterialSpec::Constants { mu, delta } => match &scene.source.beam {
-                Beam::Energy(_) => Ok(Self::Numbers(Constants { mu: *mu, delta: *delta })),
+                Beam::Energy(_) => {
+                    Ok(Self::Numbers(Constants { mu: *mu, delta: *delta, ..Constants::default() }))
+                }
                 Beam::Spectrum(_) => Err(Error::scene(
                     crate::scene::path::join("materials", name),
                     "mu and delta as numbers under source.spectrum",

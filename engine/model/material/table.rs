@@ -76,7 +76,7 @@ impl ConstantsTable {
         let above = self.rows.partition_point(|row| row[0] <= energy);
         let (a, b) = (self.rows[above - 1], self.rows[above.min(self.rows.len() - 1)]);
         let between = |column: usize| log_log(energy, [a[0], a[column]], [b[0], b[column]]);
-        Ok(Constants { mu: between(1) * 100.0, delta: between(2) })
+        Ok(Constants { mu: between(1) * 100.0, delta: between(2), ..Constants::default() })
     }
 }
 

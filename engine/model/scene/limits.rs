@@ -62,6 +62,10 @@ pub(super) const SPOT: f64 = 1e-3;
 /// Standard deviation of the slopes of a rough surface: beyond it rays hit a surface several times, which
 /// one normal does not describe.
 pub(super) const ROUGHNESS: f64 = 0.3;
+/// Variance of the refraction angle per length, rad2/m: a millimetre widens light to a tenth of a radian.
+pub(super) const SCATTERING: f64 = 10.0;
+/// Power of the energy that a variance is proportional to, at most.
+pub(super) const SCATTERING_EXPONENT: f64 = 10.0;
 /// Slits or rectangles of a period, and periods after which shifted apertures repeat.
 pub(super) const SLITS: u32 = 1024;
 /// Rows and columns of the pattern of a mask.

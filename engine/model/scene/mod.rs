@@ -61,7 +61,9 @@ pub use model::{
 pub use motion::Motion;
 pub use pattern::{Pattern, Strip};
 pub use rectangles::Rectangle;
-pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
+pub use sample::{
+    MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Scattering, Shape, ShapeOrMesh,
+};
 pub use scan::{Fly, RotationAxis, Scan};
 pub use scan_errors::ScanErrors;
 pub use targets::RandomRays;

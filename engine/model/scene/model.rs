@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{Beam, Detector, MaterialSpec, Object, RandomRays, Scan, ShapeOrMesh};
+use super::{Beam, Detector, MaterialSpec, Object, RandomRays, Scan, Scattering, ShapeOrMesh};
 use crate::spot::Spot;
 
 /// Name of the region of the surroundings among the objects.
@@ -31,6 +31,8 @@ pub struct Scene {
     pub scan: Scan,
     /// Materials defined in the scene; they shadow built-in names.
     pub materials: BTreeMap<String, MaterialSpec>,
+    /// Scattering of materials defined in the scene, by their names.
+    pub scattering: BTreeMap<String, Scattering>,
     /// Name of the material of the surroundings (medium 0). It has no end; where the scene has a
     /// region ([`Scene::fill_region`]) it is what lies outside of that.
     pub surroundings: String,
@@ -76,6 +78,7 @@ impl Scene {
             sampling: Sampling::default(),
             scan: Scan::default(),
             materials: BTreeMap::new(),
+            scattering: BTreeMap::new(),
             title: None,
             surroundings: "vacuum".into(),
             path_material: "vacuum".into(),
@@ -110,6 +113,12 @@ impl Scene {
     #[doc(hidden)]
     pub fn listed_objects(&self) -> &[Object] {
         &self.objects[usize::from(self.region().is_some())..]
+    }
+
+    /// True if a material of this name scatters.
+    #[must_use]
+    pub fn scatters(&self, material: &str) -> bool {
+        self.scattering.get(material).is_some_and(|it| it.variance > 0.0)
     }
 
     /// Where a scene file has a key of the object of this number.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::files::hash;
 use super::keys::mask::read_mask;
+use super::keys::material::MaterialEntry;
 use super::keys::record::Record;
 use super::keys::spot::spot_file;
 use super::keys::surroundings::read_surroundings;
@@ -12,7 +13,7 @@ use super::keys::top::{TOP, read_title};
 use super::keys::value::{Value, optional, required};
 use super::table::{ListItem, Table};
 use super::tree::Document;
-use super::{MaterialSpec, Scene, cone_vec};
+use super::{Scene, cone_vec};
 use beamlet_core::{Error, Result};
 
 /// Reads a scene. The result still has to be validated. Errors are reported to the document; without
@@ -24,9 +25,12 @@ pub(super) fn read_scene(document: &Document) -> Option<Scene> {
     let detector = document.keep(required(&top, "detector"));
     let materials = document.keep(read_materials(&top)).unwrap_or_default();
     let (Some(source), Some(detector)) = (source, detector) else { return None };
+    let scattering =
+        materials.iter().filter_map(|(name, it)| Some((name.clone(), it.scattering()?))).collect();
     let mut scene = Scene {
         directory: document.directory.clone(),
-        materials,
+        materials: materials.into_iter().map(|(name, it)| (name, it.spec)).collect(),
+        scattering,
         files,
         ..Scene::new(source, detector)
     };
@@ -100,13 +104,13 @@ fn read_cone_vec(top: &Table<'_>, scene: &mut Scene) -> Result<()> {
     Ok(())
 }
 
-fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialSpec>> {
+fn read_materials(top: &Table<'_>) -> Result<BTreeMap<String, MaterialEntry>> {
     let (Some(item), row) = (top.get("materials"), top.row("materials")?) else {
         return Ok(BTreeMap::new());
     };
     let entry = |(name, item): &(&str, ListItem<'_>)| {
-        let nothing = MaterialSpec::begin(&|_| false);
-        Ok(((*name).to_owned(), item.or_instead(MaterialSpec::read(item, row), nothing)?))
+        let nothing = MaterialEntry::begin(&|_| false);
+        Ok(((*name).to_owned(), item.or_instead(MaterialEntry::read(item, row), nothing)?))
     };
     item.named()?.iter().map(entry).collect()
 }

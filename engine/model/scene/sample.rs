@@ -37,6 +37,39 @@ pub enum MaterialSpec {
     },
 }
 
+/// Scattering of a material by structure that no object describes: refraction by angles that are independent from
+/// place to place.
+#[derive(Debug, Clone, Copy, PartialEq)]
+#[non_exhaustive]
+pub struct Scattering {
+    /// Variance of the refraction angle along one axis per path length, rad2/m. >= 0.
+    pub variance: f64,
+    /// Power of the photon energy that the variance is proportional to.
+    pub exponent: f64,
+    /// Energy of `variance`, keV; `None` with an exponent of 0. > 0.
+    pub energy: Option<f64>,
+}
+
+impl Scattering {
+    /// The same variance per path length, rad2/m, at all energies.
+    #[must_use]
+    pub const fn new(variance: f64) -> Self {
+        Self { variance, exponent: 0.0, energy: None }
+    }
+
+    /// The variance per path length with a power of the photon energy over `energy`, keV.
+    #[must_use]
+    pub const fn with_exponent(self, exponent: f64, energy: f64) -> Self {
+        Self { exponent, energy: Some(energy), ..self }
+    }
+
+    /// Variance per path length at an energy, keV; rad2/m.
+    #[must_use]
+    pub fn at(&self, energy: f64) -> f64 {
+        self.variance * self.energy.map_or(1.0, |own| (energy / own).powf(self.exponent))
+    }
+}
+
 /// One object of the sample.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

@@ -4,10 +4,11 @@ use std::collections::HashSet;
 
 use super::keys::detector::validate_thresholds;
 use super::keys::faults::{Faults, named, too_long};
+use super::keys::material::MaterialEntry;
 use super::keys::record::check;
 use super::{
-    Beam, Exposure, MaskSpec, Motion, Photons, Quality, Scene, SpectrumOrigin, SpectrumSpec,
-    limits, path,
+    Beam, Exposure, MaskSpec, Motion, Photons, Quality, Scene, Scheme, SpectrumOrigin,
+    SpectrumSpec, limits, path,
 };
 use crate::spot::Spot;
 use beamlet_core::units::Dimension::Length;
@@ -66,8 +67,10 @@ impl Scene {
         for (name, spec) in &self.materials {
             faults.note(named("materials", name));
             let table = path::join("materials", name);
-            check(spec, &|key| path::join(&table, key), &mut faults);
+            let entry = MaterialEntry::new(spec.clone(), self.scattering.get(name));
+            check(&entry, &|key| path::join(&table, key), &mut faults);
         }
+        faults.note(self.validate_scattering());
         faults.note(named(self.surroundings_key(), &self.surroundings));
         faults.note(named("surroundings.path_material", &self.path_material));
         let mut names = HashSet::new();
@@ -80,6 +83,39 @@ impl Scene {
             }
         }
         faults.0
+    }
+
+    /// Scattering belongs to materials of the scene, and to objects: light is compared with the open beam, which
+    /// nothing scatters.
+    fn validate_scattering(&self) -> Result<()> {
+        if let Some(name) = self.scattering.keys().find(|name| !self.materials.contains_key(*name))
+        {
+            let key = path::join(&path::join("materials", name), "scattering");
+            let found = format!("scattering of {name:?}, which [materials] does not define");
+            return Err(Error::scene(key, found, "a material that the scene defines"));
+        }
+        let around = [
+            ("surroundings.path_material", &self.path_material),
+            (self.surroundings_key(), &self.surroundings),
+        ];
+        if let Some((key, name)) = around.into_iter().find(|(_, name)| self.scatters(name)) {
+            let found = format!("{name:?}, which has `scattering`, around the objects");
+            let allowed =
+                "a material without `scattering`; objects and `surroundings.region` may scatter";
+            return Err(Error::scene(key, found, allowed));
+        }
+        let is_in_cells = self.has_heights() && self.sampling.scheme == Scheme::Cells;
+        match self.objects.iter().find(|object| is_in_cells && self.scatters(&object.material)) {
+            None => Ok(()),
+            Some(object) => {
+                let name = &object.name;
+                let found = format!(
+                    "\"cells\" with the scattering object {name:?} and apertures that end along z"
+                );
+                let allowed = "\"random\": cells widen light along x alone";
+                Err(Error::scene("sampling.scheme", found, allowed))
+            }
+        }
     }
 
     /// The masks that there are, by their keys.

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::keys::detector::resolved;
+use super::keys::material::MaterialEntry;
 use super::keys::record::{Keys, Record};
 use super::keys::surroundings::write_surroundings;
 use super::keys::value::Base;
@@ -59,7 +60,8 @@ pub(super) fn to_toml(
     out.record("[scan]", &scene.scan, base)?;
     for (name, spec) in &scene.materials {
         let key = if path::is_bare(name) { name.clone() } else { quoted(name) };
-        out.record(&format!("[materials.{key}]"), spec, base)?;
+        let entry = MaterialEntry::new(spec.clone(), scene.scattering.get(name));
+        out.record(&format!("[materials.{key}]"), &entry, base)?;
     }
     let region = scene.region().map(|region| hashed(region, hashes));
     write_surroundings(&mut out, base, region.as_ref())?;

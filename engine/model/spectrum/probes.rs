@@ -163,8 +163,8 @@ impl<'a> Probes<'a> {
         let below = self.media[medium].constants[row - 1];
         let ratio = self.energies[row - 1] / self.energies[row];
         let mut smooth = above.clone();
-        smooth[medium] =
-            Constants { mu: below.mu * ratio.powi(3), delta: below.delta * ratio.powi(2) };
+        let (mu, delta) = (below.mu * ratio.powi(3), below.delta * ratio.powi(2));
+        smooth[medium] = Constants { mu, delta, ..below };
         let change = |probe: &Probe| (probe.value(&above) - probe.value(&smooth)).abs();
         self.list.iter().map(change).fold(0.0, f64::max)
     }

@@ -60,8 +60,11 @@ impl Truth {
         media.weights = modulated(scene, (&media.energies, &media.weights))?;
         let mean = media.mean();
         let around = mean[0];
-        let less =
-            |c: &Constants| Constants { mu: c.mu - around.mu, delta: c.delta - around.delta };
+        let less = |c: &Constants| Constants {
+            mu: c.mu - around.mu,
+            delta: c.delta - around.delta,
+            scattering: c.scattering - around.scattering,
+        };
         let of_object = media.of_object.iter().map(|medium| less(&mean[*medium as usize]));
         let constants = std::iter::once(less(&around)).chain(of_object).collect();
         let surroundings = ["surroundings".to_owned(), scene.surroundings.clone()];
@@ -100,7 +103,8 @@ impl Truth {
         (0..).zip(self.names.iter().map(name)).collect()
     }
 
-    /// True values of a quantity; `None` for the dark field, which no constant of a material gives.
+    /// True values of a quantity; `None` for the dark field where no material scatters: structure that objects
+    /// describe is in no constant of a material.
     #[must_use]
     pub fn values(&self, quantity: Quantity) -> Option<Array3<f32>> {
         let by_label: Vec<f32> = self.by_label(quantity)?.map(single).collect();
@@ -111,9 +115,11 @@ impl Truth {
         let of = match quantity {
             Quantity::Mu => |constants: &Constants| constants.mu,
             Quantity::Delta => |constants: &Constants| constants.delta,
-            Quantity::DarkField => return None,
+            Quantity::DarkField => |constants: &Constants| constants.scattering,
         };
-        Some(self.constants.iter().map(of))
+        let none = |constants: &Constants| constants.scattering == 0.0;
+        let is_known = quantity != Quantity::DarkField || !self.constants.iter().all(none);
+        is_known.then(|| self.constants.iter().map(of))
     }
 
     /// # Errors

@@ -68,6 +68,9 @@ pub(crate) struct EnergyBinning {
     /// Pairs of materials whose delta differs, where surfaces are rough, and the word of the variance between them in
     /// the moments of a ray.
     pairs: Vec<([usize; 2], usize)>,
+    /// Variance of angles per length, `[node][material]`, and the words of the moments of it by material.
+    scattering: Vec<f64>,
+    scattering_words: Range<usize>,
     /// Masks by node: the sample mask, the detector mask.
     masks: [Option<Vec<MaskShape>>; 2],
     edges: SharedEdges,
@@ -103,7 +106,8 @@ struct Scratch {
     results: Vec<[NodeResult; 2]>,
     /// Light there.
     light: Vec<[f64; 2]>,
-    roughness: Vec<f64>, // by node: see `spread_by_roughness`
+    /// Variance of the displacement by rough surfaces and by materials, by node.
+    variances: Vec<f64>,
     /// Light of a cell, by node.
     terms: Vec<Terms>,
     waiting: Vec<Range<usize>>,
@@ -190,7 +194,7 @@ impl EnergyBinning {
             let x = [cell.x_low, cell.x_high];
             let ends = &cell_rows.moments.ends[index * words..(index + 1) * words];
             let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
-            self.spread_by_roughness([low, high], &mut scratch.roughness);
+            self.variances([low, high], &mut scratch.variances);
             // Neighbours share a ray.
             if low == before {
                 scratch.first_order.swap(0, 1);
@@ -215,11 +219,11 @@ impl EnergyBinning {
                 }
                 if let Some(nodes) = repeated.of(exact_index) {
                     let lists = &mut scratch.lists[groups..];
-                    for ((results, again), (list, rough)) in scratch
+                    for ((results, again), (list, variance)) in scratch
                         .results
                         .iter()
                         .zip(nodes)
-                        .zip(lists.iter_mut().zip(&scratch.roughness))
+                        .zip(lists.iter_mut().zip(&scratch.variances))
                     {
                         let first = list.len();
                         match again {
@@ -228,7 +232,7 @@ impl EnergyBinning {
                         }
                         list[first..]
                             .iter_mut()
-                            .for_each(|c| c.displacement_variance += single(*rough));
+                            .for_each(|c| c.displacement_variance += single(*variance));
                     }
                     continue;
                 }
@@ -244,8 +248,9 @@ impl EnergyBinning {
         }
     }
 
-    /// Variance of the displacement by rough surfaces, by node: of each pair it grows with the step.
-    fn spread_by_roughness(&self, ends: [&[f32]; 2], variance: &mut Vec<f64>) {
+    /// Variance of the displacement by node: by rough surfaces, where that of each pair of materials grows with the step,
+    /// and by materials that scatter.
+    fn variances(&self, ends: [&[f32]; 2], variance: &mut Vec<f64>) {
         variance.clear();
         variance.resize(self.nodes(), 0.0);
         for &([a, b], word) in &self.pairs {
@@ -255,15 +260,28 @@ impl EnergyBinning {
                 *variance += of_pair * (delta[a] - delta[b]).powi(2);
             }
         }
+        for (material, word) in self.scattering_words.clone().enumerate() {
+            let [low, high] = ends.map(|end| f64::from(end[word]));
+            let moment = 0.5 * (low + high);
+            for (variance, scattering) in
+                variance.iter_mut().zip(self.scattering.chunks(self.materials))
+            {
+                *variance += moment * scattering[material];
+            }
+        }
+        if !self.scattering_words.is_empty() {
+            // Rounded.
+            variance.iter_mut().for_each(|it| *it = it.max(0.0));
+        }
     }
 
     /// A cell for each node.
     fn push_nodes(&self, cell_row: &CellRow, cell: &Cell, scratch: &mut Scratch) {
-        let results = scratch.results.iter().zip(&self.delta_ratio).zip(&scratch.roughness);
+        let results = scratch.results.iter().zip(&self.delta_ratio).zip(&scratch.variances);
         let lists = &mut scratch.lists[self.groups.len()..];
-        for (((results, delta_ratio), rough), list) in results.zip(lists) {
+        for (((results, delta_ratio), variance), list) in results.zip(lists) {
             let displacement_variance =
-                cell.displacement_variance * single(delta_ratio * delta_ratio) + single(*rough);
+                cell.displacement_variance * single(delta_ratio * delta_ratio) + single(*variance);
             let x = [cell.x_low, cell.x_high];
             let made = Cell { displacement_variance, ..self.cell(cell_row, x, *results) };
             let depth = || 0.5 * (results[0].depth + results[1].depth);
@@ -334,7 +352,7 @@ impl EnergyBinning {
             let spread = f64::from(cell.displacement_variance)
                 * self.delta_ratio[node]
                 * self.delta_ratio[node]
-                + scratch.roughness[node];
+                + scratch.variances[node];
             Terms::new(results, *light, spread, bars.narrowings[node])
         }));
         let of_node = bars.by_node.iter().zip(&scratch.terms);

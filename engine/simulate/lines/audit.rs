@@ -178,6 +178,8 @@ pub(super) struct Auditor<'a> {
     pub even: &'a EvenSampler<'a>,
     /// Openings of the beamlets of the lattice.
     pub openings: &'a [Vec<Opening>],
+    /// Materials scatter.
+    pub scatters: bool,
 }
 
 impl<'a> Auditor<'a> {
@@ -191,6 +193,10 @@ impl<'a> Auditor<'a> {
         lines: &[(&LinePatch, f64)],
         even: &[EvenPatch],
     ) -> Result<Audit> {
+        // Variances by both are one number of a ray.
+        if self.scatters && self.view.facets.steps.iter().any(|step| step.roughness > 0.0) {
+            return Ok(Audit::default());
+        }
         let of_lines = lines.iter().filter_map(|(patch, error)| {
             self.draw(Sampled::Lines(patch), patch.beamlet, patch.row, *error)
         });
@@ -199,6 +205,9 @@ impl<'a> Auditor<'a> {
             self.draw(Sampled::Even(patch), patch.beamlet, patch.row, error)
         });
         let mut drawn: Vec<Drawn<'_>> = of_lines.chain(of_even).collect();
+        if drawn.is_empty() {
+            return Ok(Audit::default());
+        }
         let mut differences = vec![[0; SETS].map(|_| vec![0.0; self.values()]); drawn.len()];
         let mut lines = Vec::new();
         let mut cells: Vec<FreshCells> = Vec::new();
@@ -237,6 +246,12 @@ impl<'a> Auditor<'a> {
             *class = *class + self.sums(a, b, it.probability);
         }
         Ok(audit)
+    }
+
+    /// A result with its variance by materials alone: light of lines is judged without that by rough surfaces.
+    fn narrowed(&self, result: RayResult) -> RayResult {
+        let displacement_variance = if self.scatters { result.displacement_variance } else { 0.0 };
+        RayResult { displacement_variance, ..result }
     }
 
     /// A patch, if it is drawn.
@@ -381,7 +396,9 @@ impl Auditor<'_> {
             self.view.lattice.ray(place.beamlet, ray.x, place.row, self.view.pose)
         };
         let results = tracer.trace(&rays.iter().map(ray).collect::<Vec<Ray>>())?;
-        rays.into_iter().zip(results).for_each(|((_, ray), result)| ray.result = Some(result));
+        rays.into_iter()
+            .zip(results)
+            .for_each(|((_, ray), result)| ray.result = Some(self.narrowed(result)));
         Ok(())
     }
 
@@ -514,7 +531,7 @@ impl Auditor<'_> {
         let cells: Vec<EvenCell> = patch.cells().collect();
         let piece = |(at, cell): (u32, &EvenCell)| Piece {
             interval: at,
-            ..plain(cell.x.map(f64::from), cell.result)
+            ..plain(cell.x.map(f64::from), self.narrowed(cell.result))
         };
         let pieces: Vec<Piece> = (0..).zip(&cells).map(piece).collect();
         let part = |piece: &Piece| {
@@ -548,7 +565,9 @@ impl Auditor<'_> {
         };
         let rays = sets.par_iter().map(rays_of).collect::<Vec<_>>().concat();
         let cells = sets.iter_mut().flat_map(|set| &mut set.cells);
-        cells.zip(tracer.trace(&rays)?).for_each(|(cell, result)| cell.result = result);
+        cells
+            .zip(tracer.trace(&rays)?)
+            .for_each(|(cell, result)| cell.result = self.narrowed(result));
         Ok(())
     }
 
@@ -599,6 +618,7 @@ fn between(a: &RayResult, b: &RayResult, share: f64) -> RayResult {
         displacement_z: mix(a.displacement_z, b.displacement_z),
         slope_x: mix(a.slope_x, b.slope_x),
         slope_z: mix(a.slope_z, b.slope_z),
+        displacement_variance: mix(a.displacement_variance, b.displacement_variance),
         ..*a
     }
 }
@@ -611,6 +631,7 @@ fn pieces_between(pair: &[FreshRay]) -> Vec<Piece> {
     let piece = |x: [f64; 2], ends: [&RayResult; 2]| Piece {
         depth: ends.map(|it| it.optical_depth),
         displacement: ends.map(|it| it.displacement_x),
+        scattering: ends.map(|it| it.displacement_variance),
         ..plain(x, between(ends[0], ends[1], 0.5))
     };
     if a.signature == b.signature {
@@ -626,6 +647,7 @@ fn plain(x: [f64; 2], result: RayResult) -> Piece {
         x,
         depth: [result.optical_depth; 2],
         displacement: [result.displacement_x; 2],
+        scattering: [result.displacement_variance; 2],
         result,
         source: Source::FirstOrder,
         extent: 0.0,

@@ -257,6 +257,8 @@ impl<'a> Illumination<'a> {
         let mean = 0.5 * all * (1.0 - slope * slope / 3.0);
         let light = share * mean * response.weight * single(x[1] - x[0]);
         let displacement = between(piece.displacement);
+        let [low, high] = between(piece.scattering);
+        let scattering = 0.5 * (low + high);
         let (mut moved, step) = (0.0, opening.step as usize);
         let [shares, ratios] = response.hardening.refraction();
         for (part, ratio) in shares.into_iter().zip(ratios).filter(|(part, _)| *part > 0.0) {
@@ -266,7 +268,11 @@ impl<'a> Illumination<'a> {
             let slope = slope.copysign(slope * (high - low));
             for (kind, windows) in response.windows.iter().enumerate() {
                 let at = windows.landing(column, middle);
-                let half = half.max(LEAST_HALF * windows.period);
+                let mut half = half.max(LEAST_HALF * windows.period);
+                if scattering > 0.0 {
+                    // As wide as light that materials spread.
+                    half = (half * half + 3.0 * scattering).sqrt();
+                }
                 let home = (at / windows.period).round();
                 for number in [home - 1.0, home, home + 1.0] {
                     let passed = windows.passed_sloped(at - number * windows.period, half, slope);

@@ -40,6 +40,8 @@ pub(crate) struct Piece {
     pub depth: [f32; 2],
     /// Displacement along x on the analyser at both ends, m.
     pub displacement: [f32; 2],
+    /// Part of the variance of the displacement by materials that scatter, at both ends, m2.
+    pub scattering: [f32; 2],
     /// The ray through its middle.
     pub result: RayResult,
     pub source: Source,
@@ -76,6 +78,9 @@ impl Piece {
         self.depth = self.depth.map(|depth| (depth + more).max(0.0));
         self.source = Source::Ray { displacement: self.result.displacement_x };
         self.displacement = [ray.displacement_x; 2];
+        let more = ray.displacement_variance - self.result.displacement_variance;
+        self.scattering =
+            self.scattering.map(|it| if it > 0.0 { (it + more).max(0.0) } else { it });
         let RayResult { signature, crossings, .. } = self.result;
         self.result = RayResult { signature, crossings, ..*ray };
     }
@@ -89,7 +94,10 @@ impl Piece {
             let x = [shares[0], shares[1]].map(|share| self.x[0] + self.width() * share);
             let x = if part + 1 == count { [x[0], self.x[1]] } else { x };
             let (depth, displacement) = (ends(self.depth), ends(self.displacement));
-            let mut piece = Self { x, depth, displacement, ..self };
+            let scattering = ends(self.scattering);
+            let mut piece = Self { x, depth, displacement, scattering, ..self };
+            let [own, mean] = [scattering, self.scattering].map(|[low, high]| 0.5 * (low + high));
+            piece.result.displacement_variance += own - mean;
             piece.result.optical_depth = 0.5 * (depth[0] + depth[1]);
             match self.source {
                 Source::Ray { .. } if 2 * part + 1 == count => {}

@@ -250,6 +250,7 @@ impl<'a> LineSampler<'a> {
             illumination: &self.illumination,
             even: &self.even,
             openings: &self.openings,
+            scatters: self.view.facets.steps.iter().any(|step| step.scattering.abs() > 0.0),
         }
     }
 

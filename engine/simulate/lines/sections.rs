@@ -21,6 +21,8 @@ const MOST_PARTS: f64 = 64.0;
 const CURVED: f64 = 0.01;
 /// Error by light of a displacement that leaves a straight line, over that of the displacement at most.
 const MOVED: f64 = 0.25;
+/// Error by light of the change of a variance over a piece, which has its mean, share of the budget.
+const WIDENED: f64 = 0.1;
 /// Most halvings of an interval of curved surfaces.
 const MOST_HALVINGS: u32 = 14;
 /// Least cosine of incidence at a smooth normal, as in `shaders/walk/smooth.glsl`.
@@ -35,9 +37,11 @@ const MOST_DRAWS: f64 = 64.0;
 const NEGLIGIBLE: f64 = 0.03;
 
 /// Numbers of a ray: optical depth, displacement on the analyser and change of slope along x and z, and variance of the
-/// displacement along x by rough surfaces.
+/// displacement along x by rough surfaces and by materials that scatter.
 type Numbers = [f64; NUMBERS];
-const NUMBERS: usize = 6;
+const NUMBERS: usize = 7;
+/// Place of the variance by materials.
+const SCATTERING: usize = 6;
 
 /// Section of a surface by the plane of a line.
 #[derive(Debug, Clone, Copy)]
@@ -271,7 +275,9 @@ impl<'a> SurfaceLines<'a> {
                 let piece = self.piece(&interval, x, &[low, high], None);
                 let change = f64::from((piece.depth[1] - piece.depth[0]).abs());
                 let parts = (change / STEEPEST).ceil().clamp(1.0, MOST_PARTS);
-                let parts = numbers::whole::<u32>(parts).max(self.draws_of(&piece, openings));
+                let parts = numbers::whole::<u32>(parts)
+                    .max(self.draws_of(&piece, openings))
+                    .max(self.parts_by_scattering(&piece, openings));
                 pieces.extend(piece.parts(parts));
             }
             from = pair[1];
@@ -449,7 +455,26 @@ impl<'a> SurfaceLines<'a> {
             MOVED * off(at.map(|it| it.numbers[1])) * response.steepest()
         };
         let error = whole * (off(passed) + most * moved.min(1.0));
+        let widened = self.widening([0, 2].map(|end| at[end].numbers[SCATTERING]));
         error > CURVED * self.view.budget.light
+            || whole * most * widened > WIDENED * self.view.budget.light
+    }
+
+    /// Largest change of light, share of it, by a change of the variance of the displacement between two values.
+    fn widening(&self, [low, high]: [f64; 2]) -> f64 {
+        ((high - low).abs() * self.view.response.steepest().powi(2)).min(1.0)
+    }
+
+    /// Number of parts of a piece whose variances by materials are constant: the error falls with its square, since
+    /// light and variance both belong to a part.
+    fn parts_by_scattering(&self, piece: &Piece, openings: &[Opening]) -> u32 {
+        let widened = self.widening(piece.scattering.map(f64::from));
+        if widened <= 0.0 {
+            return 1;
+        }
+        let error = self.light(piece, openings) * widened;
+        let parts = (error / (WIDENED * self.view.budget.light)).sqrt().ceil();
+        numbers::whole(parts.clamp(1.0, MOST_PARTS))
     }
 
     /// The piece between two ends, with the sums of the rays there and, of curved surfaces, in the middle.
@@ -479,7 +504,8 @@ impl<'a> SurfaceLines<'a> {
         }
         // Rounded.
         let depth = numbers_at.map(|end| single(end[0].max(0.0)));
-        let [_, displacement_x, displacement_z, slope_x, slope_z, displacement_variance] =
+        let scattering = numbers_at.map(|end| single(end[SCATTERING].max(0.0)));
+        let [_, displacement_x, displacement_z, slope_x, slope_z, by_roughness, _] =
             std::array::from_fn(|of| single(f64::midpoint(numbers_at[0][of], numbers_at[1][of])));
         let crossed = || interval.crossed.iter();
         let result = RayResult {
@@ -491,7 +517,7 @@ impl<'a> SurfaceLines<'a> {
             signature: crossed().fold(0, |all, it| all.wrapping_add(it.hash)),
             flags: 0,
             crossings: crossed().map(|it| it.crossings).sum(),
-            displacement_variance,
+            displacement_variance: by_roughness + 0.5 * (scattering[0] + scattering[1]),
         };
         let displacement = numbers_at.map(|end| single(end[1]));
         let nearest = ends[0].distance[0].min(ends[1].distance[0]);
@@ -500,6 +526,7 @@ impl<'a> SurfaceLines<'a> {
             x,
             depth,
             displacement,
+            scattering,
             result,
             source: Source::FirstOrder,
             extent,
@@ -565,7 +592,12 @@ impl<'a> SurfaceLines<'a> {
         } else {
             0.0
         };
-        let numbers = [depth, bends[0] * lever, bends[1] * lever, bends[0], bends[1], variance];
+        // As `squared_arm` of `shaders/walk/moments.glsl`.
+        let arm = self.analyser;
+        let squared_arm = y * (arm * (arm - y) + y * y / 3.0) * length * square;
+        let scattering = -sign * step.scattering * squared_arm * (1.0 + slope[0] * slope[0]);
+        let [x, z] = bends;
+        let numbers = [depth, x * lever, z * lever, x, z, variance, scattering];
         Effect { numbers, remainder, draws }
     }
 

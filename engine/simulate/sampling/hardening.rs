@@ -100,7 +100,7 @@ mod tests {
 
     /// Air and two materials, of these attenuations at four energies, 1/m.
     fn media(attenuation: [[f64; 4]; 2]) -> MaterialTable {
-        let of = |mu: f64| Constants { mu, delta: 1e-7 };
+        let of = |mu: f64| Constants { mu, delta: 1e-7, ..Constants::default() };
         let constants =
             (0..4).map(|node| vec![of(0.0), of(attenuation[0][node]), of(attenuation[1][node])]);
         MaterialTable {

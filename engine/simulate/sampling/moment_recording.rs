@@ -49,8 +49,10 @@ impl MomentRecording {
             .chunk_by(|a, b| a.0 == b.0)
             .filter(|same| same.len() == 1)
             .flatten()
-            // Results do not say what rough surfaces spread.
-            .filter(|(_, object)| media.roughness[*object as usize] <= 0.0)
+            // Results do not say what rough surfaces and materials spread.
+            .filter(|(_, object)| {
+                media.roughness[*object as usize] <= 0.0 && media.scattering_words().is_empty()
+            })
             .map(|(signature, object)| (*signature, media.of_object[*object as usize]))
             .collect();
         Self { reference, delta_ratio, single, words: media.moment_words() }

@@ -20,6 +20,8 @@ pub(crate) struct SurfaceStep {
     pub(crate) least_cosine: f64,
     /// Standard deviation of the slopes of the surface.
     pub(crate) roughness: f64,
+    /// Variance of the refraction angle per path length, rad2/m.
+    pub(crate) scattering: f64,
     /// Its object has defects: only a traced ray says which of its surfaces count.
     pub(crate) is_open: bool,
 }
@@ -58,6 +60,7 @@ impl SampleFacets {
                     Transport::FirstOrder | Transport::Wave | Transport::Exact => 0.0,
                     Transport::Auto => least_cosine(media.step(inside, outside)),
                 },
+                scattering: a.scattering - b.scattering,
                 roughness: media.roughness[object as usize],
                 is_open: sample.objects.get(object as usize).is_some_and(|it| it.defects.refused()),
             }

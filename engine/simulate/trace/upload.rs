@@ -79,13 +79,12 @@ impl DeviceSample {
         let mut surfaces: Vec<Surface> =
             (0..).zip(&sample.components).map(|(i, c)| surface(scene, media, i, c)).collect();
         graze_by_partners(scene, media, sample, &mut surfaces);
-        let rough = surfaces.iter().any(|surface| surface.roughness > 0.0);
-        let rough = match (rough, scene.sampling.transport) {
-            (false, _) => 0,
-            (true, Transport::Wave) => KIND_ROUGH | KIND_HEIGHTS,
-            (true, _) => KIND_ROUGH,
-        };
-        let kinds = kinds | rough | if is_moved { KIND_MOVED } else { 0 };
+        let has_heights = scene.sampling.transport == Transport::Wave
+            && surfaces.iter().any(|surface| surface.roughness > 0.0);
+        let kinds = kinds
+            | media.kinds()
+            | if has_heights { KIND_HEIGHTS } else { 0 }
+            | if is_moved { KIND_MOVED } else { 0 };
         let materials = media.names.len();
         let buffers = vec![
             upload(device, "nodes", &nodes)?,
@@ -152,7 +151,7 @@ impl DeviceSample {
 
     /// Words of the moments of a ray, without their head.
     pub(super) const fn moment_words(&self) -> usize {
-        moment_words(self.materials as usize, self.is_rough())
+        moment_words(self.materials as usize, self.kinds)
     }
 }
 
@@ -193,7 +192,11 @@ fn constants(media: &MaterialTable) -> Vec<interface::Constants> {
     std::iter::once(&media.mean())
         .chain(&media.constants)
         .flatten()
-        .map(|c| interface::Constants { mu: single(c.mu), delta: single(c.delta) })
+        .map(|c| interface::Constants {
+            mu: single(c.mu),
+            delta: single(c.delta),
+            scattering: single(c.scattering),
+        })
         .collect()
 }
 

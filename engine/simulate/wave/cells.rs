@@ -90,6 +90,7 @@ impl CellPlaces<'_> {
             depth_high: result.optical_depth,
             displacement_low: result.displacement_x,
             displacement_high: result.displacement_x,
+            displacement_variance: result.displacement_variance,
             share_above,
             share_below,
             pixel_shift: result.pixel_shift(gap, ratio),

@@ -162,6 +162,7 @@ impl Lines {
                     first: numbers::count(energy as usize * all + first),
                     words: tracer.moment_stride(),
                     material_count: plan.materials,
+                    scattering_words: tracer.scattering_words(),
                     lever: numbers::single(plan.lever),
                 };
                 let record = |r: &mut Recorder<'_>| {

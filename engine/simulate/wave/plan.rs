@@ -215,6 +215,9 @@ fn materials(optics: &Optics, media: &MaterialTable) -> Vec<WaveMaterial> {
                 cycles_low: single(cycles - f64::from(single(cycles))),
                 half_mu: single(0.5 * constants.mu),
                 delta: single(constants.delta * optics.cell_plane / optics.analyser),
+                scattering: single(
+                    constants.scattering * (optics.cell_plane / optics.analyser).powi(2),
+                ),
             }
         };
         constants.iter().map(of).collect::<Vec<_>>()

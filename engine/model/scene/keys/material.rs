@@ -2,53 +2,115 @@
 
 use super::prelude::*;
 use crate::scene::formula::check_formula;
-use crate::scene::{MaterialSpec, path};
+use crate::scene::{MaterialSpec, Scattering, path};
 
 /// How far the weights of a mixture may be from 1, or in per cent from 100: tables round theirs.
 const WEIGHTS_OFF: f64 = 0.005;
 const SHARE: Kind = Number("a share by weight", POSITIVE);
 /// Refractive index decrement: beyond this range the expansion for X-rays does not hold.
 const DELTA: Range = Range { low: Some((-0.1, false)), high: Some((0.1, false)) };
+const EXPONENT: Range = within(-limits::SCATTERING_EXPONENT, limits::SCATTERING_EXPONENT);
 
-keys! { MATERIALS: MaterialSpec, "materials.NAME",
-    [Forms(&[&["table"], &["formula", "density"], &["mixture", "density"], &["mu", "delta"]], 1)],
-    ["rho" => "density", "weights" => "mixture", "composition" => "mixture", "file" => "table", "beta" => "mu"];
-    formula at MaterialSpec::Formula { formula, .. } =>
-        Name("a chemical formula, such as \"H2O\""), Required, r#""H2O""#,
-        "Chemical formula, up to 200 characters, with 1e-6 to 1e6 atoms of an element.";
-    mixture at MaterialSpec::Mixture { parts: mixture, .. } =>
-        Named(&SHARE), Required, "{ Cu = 63, Zn = 37 }",
-        "Shares by weight, which sum to 1 or to 100.";
-    density at MaterialSpec::Formula { density, .. } | MaterialSpec::Mixture { density, .. } =>
-        Quantity(Density, POSITIVE.up_to(limits::DENSITY)), Required, r#""2.0 g/cm3""#, "Mass density.";
-    mu at MaterialSpec::Constants { mu, .. } =>
-        Quantity(Attenuation, NOT_NEGATIVE), Required, r#""0.25 /cm""#,
-        "Attenuation coefficient at the one energy of the scene.";
-    delta at MaterialSpec::Constants { delta, .. } => Number("a number", DELTA), Required, "2.4e-7",
-        "Decrement of the refractive index at the one energy of the scene.";
-    table at MaterialSpec::Table { path: table } => File("path of a file"), Required, r#""resin.csv""#,
-        "Table with the columns `energy_keV,mu_per_cm,delta`.";
+/// A material as an entry of the scene file.
+#[derive(Debug, Clone)]
+pub(crate) struct MaterialEntry {
+    pub(crate) spec: MaterialSpec,
+    scattering: Option<f64>,
+    scattering_exponent: Option<f64>,
+    scattering_energy: Option<f64>,
 }
 
-impl Record for MaterialSpec {
+impl MaterialEntry {
+    /// The entry of a material with its scattering.
+    pub(crate) fn new(spec: MaterialSpec, scattering: Option<&Scattering>) -> Self {
+        let by_energy = scattering.filter(|it| it.exponent != 0.0);
+        Self {
+            spec,
+            scattering: scattering.map(|it| it.variance),
+            scattering_exponent: by_energy.map(|it| it.exponent),
+            scattering_energy: by_energy.and_then(|it| it.energy),
+        }
+    }
+
+    /// Scattering of the material.
+    pub(crate) fn scattering(&self) -> Option<Scattering> {
+        let scattering = Scattering::new(self.scattering?);
+        let exponent = self.scattering_exponent.unwrap_or(0.0);
+        Some(Scattering { exponent, energy: self.scattering_energy, ..scattering })
+    }
+}
+
+keys! { MATERIALS: MaterialEntry, "materials.NAME",
+    [Forms(&[&["table"], &["formula", "density"], &["mixture", "density"], &["mu", "delta"]], 1),
+     With(&["scattering_exponent", "scattering_energy"], "scattering",
+          "the variance of the refraction angle per length")],
+    ["rho" => "density", "weights" => "mixture", "composition" => "mixture", "file" => "table", "beta" => "mu"];
+    formula at MaterialEntry { spec: MaterialSpec::Formula { formula, .. }, .. } =>
+        Name("a chemical formula, such as \"H2O\""), Required, r#""H2O""#,
+        "Chemical formula, up to 200 characters, with 1e-6 to 1e6 atoms of an element.";
+    mixture at MaterialEntry { spec: MaterialSpec::Mixture { parts: mixture, .. }, .. } =>
+        Named(&SHARE), Required, "{ Cu = 63, Zn = 37 }",
+        "Shares by weight, which sum to 1 or to 100.";
+    density at MaterialEntry {
+        spec: MaterialSpec::Formula { density, .. } | MaterialSpec::Mixture { density, .. }, ..
+    } =>
+        Quantity(Density, POSITIVE.up_to(limits::DENSITY)), Required, r#""2.0 g/cm3""#, "Mass density.";
+    mu at MaterialEntry { spec: MaterialSpec::Constants { mu, .. }, .. } =>
+        Quantity(Attenuation, NOT_NEGATIVE), Required, r#""0.25 /cm""#,
+        "Attenuation coefficient at the one energy of the scene.";
+    delta at MaterialEntry { spec: MaterialSpec::Constants { delta, .. }, .. } =>
+        Number("a number", DELTA), Required, "2.4e-7",
+        "Decrement of the refractive index at the one energy of the scene.";
+    table at MaterialEntry { spec: MaterialSpec::Table { path: table }, .. } =>
+        File("path of a file"), Required, r#""resin.csv""#,
+        "Table with the columns `energy_keV,mu_per_cm,delta`.";
+    scattering => Quantity(Dimension::Scattering, NOT_NEGATIVE.up_to(limits::SCATTERING)), Without("none"),
+        r#""2e-9 rad^2/m""#, "Variance of the refraction angle along one axis, per path length.";
+    scattering_exponent => Number("a power of the energy", EXPONENT), Without("0"), "-4",
+        "Power of the photon energy that `scattering` is proportional to; with `scattering_energy`.";
+    scattering_energy => Quantity(Energy, POSITIVE), Without("none: the same at all energies"), r#""30 keV""#,
+        "Photon energy of `scattering`; with `scattering_exponent`.";
+}
+
+impl Record for MaterialEntry {
     const KEYS: &'static Keys<Self> = &MATERIALS;
 
     fn begin(has: &dyn Fn(&str) -> bool) -> Self {
         let density = f64::NAN;
-        if has("table") {
-            Self::Table { path: PathBuf::new() }
+        let spec = if has("table") {
+            MaterialSpec::Table { path: PathBuf::new() }
         } else if has("mixture") {
-            Self::Mixture { parts: Vec::new(), density }
+            MaterialSpec::Mixture { parts: Vec::new(), density }
         } else if has("mu") || has("delta") {
-            Self::Constants { mu: f64::NAN, delta: f64::NAN }
+            MaterialSpec::Constants { mu: f64::NAN, delta: f64::NAN }
         } else {
-            Self::Formula { formula: String::new(), density }
+            MaterialSpec::Formula { formula: String::new(), density }
+        };
+        Self::new(spec, None)
+    }
+
+    fn finish(&mut self, table: &Table<'_>) -> Result<()> {
+        let by_energy = ["scattering_exponent", "scattering_energy"];
+        if by_energy.iter().any(|key| table.get(key).is_some()) {
+            ["scattering"]
+                .iter()
+                .chain(&by_energy)
+                .try_for_each(|key| table.require(key).map(drop))?;
         }
+        Ok(())
     }
 
     fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
-        if let Self::Formula { formula, .. } = self {
+        if let MaterialSpec::Formula { formula, .. } = &self.spec {
             faults.note(chemical(&key("formula"), formula));
+        }
+        if self.scattering_exponent.is_some() && self.scattering_energy.is_none() {
+            let allowed = "the energy of `scattering`";
+            faults.add(Error::scene(
+                key("scattering_energy"),
+                "nothing: the key is missing",
+                allowed,
+            ));
         }
     }
 }

@@ -75,6 +75,8 @@ impl EnergyBinning {
             materials,
             words: media.moment_words(),
             pairs: refracting_pairs(media),
+            scattering: media.constants.iter().flatten().map(|it| it.scattering).collect(),
+            scattering_words: media.scattering_words(),
             groups: Vec::new(),
             slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
@@ -146,7 +148,7 @@ impl EnergyBinning {
 fn refracting_pairs(media: &MaterialTable) -> Vec<([usize; 2], usize)> {
     let materials = media.names.len();
     let pairs = (1..materials).flat_map(|b| (0..b).map(move |a| [a, b]));
-    let words = materials * MOMENTS_PER_MATERIAL..media.moment_words();
+    let words = materials * MOMENTS_PER_MATERIAL..media.scattering_words().start;
     let refracts = |pair: &[usize; 2]| {
         let [a, b] = pair.map(count);
         media.largest_step(a, b) > 0.0

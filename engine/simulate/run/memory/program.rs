@@ -16,5 +16,6 @@ pub(super) fn program(scene: &Scene) -> u64 {
         let is_flat = has_facets && object.normals == Normals::Facets;
         is_flat && object.instances.is_none() && object.roughness <= 0.0
     };
-    PROGRAM + if scene.objects.iter().all(is_simple) { 0 } else { KERNELS }
+    let scatters = scene.objects.iter().any(|object| scene.scatters(&object.material));
+    PROGRAM + if scene.objects.iter().all(is_simple) && !scatters { 0 } else { KERNELS }
 }

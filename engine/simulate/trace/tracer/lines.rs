@@ -3,7 +3,7 @@
 use super::{Tracer, Wanted};
 use beamlet_core::{Result, numbers, reserve};
 use beamlet_gpu::{Buffer, Download, Upload};
-use beamlet_interface::{FLAG_GRAZING, MOMENTS_FLAGS, MOMENTS_HEAD, Ray};
+use beamlet_interface::{FLAG_GRAZING, KIND_SCATTERING, MOMENTS_FLAGS, MOMENTS_HEAD, Ray};
 use std::sync::atomic::Ordering;
 
 impl Tracer {
@@ -42,6 +42,11 @@ impl Tracer {
         let flags = words.chunks_exact(stride).map(|ray| ray[MOMENTS_FLAGS]);
         let flagged = flags.enumerate().filter(|(_, flags)| flags & FLAG_GRAZING != 0);
         Ok(flagged.map(|(index, _)| index).collect())
+    }
+
+    /// Words of the moments of a ray that hold scattering, the last ones.
+    pub(crate) fn scattering_words(&self) -> u32 {
+        if self.sample.kinds & KIND_SCATTERING != 0 { self.sample.materials } else { 0 }
     }
 
     /// Words of the moments of a ray with their head.

@@ -1,0 +1,99 @@
+//! CT of materials that scatter: the dark field per length is their variance of angles per length.
+
+use crate::set_up::reconstruct;
+use crate::support::{Worst, engine};
+use beamlet::Backend;
+use beamlet::ndarray::{Array3, Axis, s};
+use beamlet::reconstruct::{FbpOptions, Quantity, ScanGeometry, Volume, VolumeGrid};
+use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
+use beamlet::scene::Scene;
+
+const VIEWS: usize = 180;
+const COLUMNS: usize = 96;
+/// A rod along the axis of rotation.
+struct Rod {
+    name: &'static str,
+    /// g/cm3.
+    density: f64,
+    /// rad2/m.
+    scattering: f64,
+    /// mm.
+    centre: [f64; 2],
+    radius: f64,
+}
+
+/// The first one is around the others.
+const RODS: [Rod; 3] = [
+    Rod { name: "host", density: 1.0, scattering: 8e-9, centre: [0.0, 0.0], radius: 3.6 },
+    Rod { name: "coarse", density: 1.5, scattering: 2e-8, centre: [1.5, 0.0], radius: 1.1 },
+    Rod { name: "fine", density: 0.3, scattering: 4e-8, centre: [-1.4, 0.7], radius: 1.0 },
+];
+/// Voxels nearer to a border, mm, do not count.
+const BORDER: f64 = 0.25;
+
+fn scene(scatters: bool) -> Scene {
+    let rod = |Rod { name, density, scattering, centre: [x, y], radius }: &Rod| {
+        let scattering = if scatters { *scattering } else { 0.0 };
+        format!(
+            "[materials.{name}]\nformula = \"H2O\"\ndensity = \"{density} g/cm3\"\n\
+             scattering = \"{scattering:e} rad^2/m\"\n\
+             [[object]]\nname = \"{name}\"\nmaterial = \"{name}\"\n\
+             shape = {{ cylinder = {{ radius = \"{radius} mm\", height = \"6 mm\" }} }}\n\
+             position = [\"{x} mm\", \"{y} mm\", \"0 mm\"]\n"
+        )
+    };
+    let text = format!(
+        "[source]\ndistance = \"1.21 m\"\nspot = \"30 um\"\nenergy = \"30 keV\"\n\
+         [sample_mask]\ndistance = \"1.2 m\"\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
+         [detector_mask]\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
+         [detector]\ndistance = \"1.8 m\"\npixels = [{COLUMNS}, 1]\npitch = \"150 um\"\n\
+         [scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 7 }}\n\
+         angles = {{ from = \"0 deg\", to = \"358 deg\", count = {VIEWS} }}\n{}",
+        RODS.iter().map(rod).collect::<String>()
+    );
+    Scene::from_toml(&text, ".").expect("a scene")
+}
+
+/// Volume of the dark field of a scan.
+fn volume(scene: &Scene) -> Volume {
+    let engine = engine(Backend::Bvh);
+    let stacks = engine.simulate(scene).expect("a run");
+    let options = RetrieveOptions::default().with_method(Method::ExactCurve);
+    let mut retriever = Retriever::new(&engine, scene, &options).expect("a retriever");
+    retriever.set_flat_array(stacks.flat.view()).expect("a flat");
+    let mut sinogram = Array3::zeros((VIEWS, 1, COLUMNS));
+    for view in 0..VIEWS {
+        let of_view = stacks.sample.index_axis(Axis(0), view);
+        let images = retriever.retrieve_array(of_view).expect("images");
+        let image = images.get("dark_field").expect("an image");
+        sinogram.slice_mut(s![view, .., ..]).assign(image);
+    }
+    let geometry = ScanGeometry::of_scene(scene);
+    let grid =
+        VolumeGrid { size: [96, 96, 1], voxel: [1e-4; 3], origin: [-4.75e-3, -4.75e-3, 0.0] };
+    reconstruct(&geometry, &sinogram, Quantity::DarkField, &grid, &FbpOptions::default())
+        .expect("a volume")
+}
+
+/// Edges have a dark field of their own, that of the same bodies without scattering.
+#[test]
+fn ct_of_the_dark_field_returns_the_scattering_of_three_materials() {
+    let [with, without] = [true, false].map(|scatters| volume(&scene(scatters)));
+    let mut worst = Worst::new("scattering by CT over that of the scene", 0.02);
+    for (index, rod) in RODS.iter().enumerate() {
+        let from = |at: [f64; 2], rod: &Rod| (at[0] - rod.centre[0]).hypot(at[1] - rod.centre[1]);
+        let is_inside = |at: (usize, usize, usize)| {
+            let [x, y, _] = with.grid.centre(at).map(|place| 1e3 * place);
+            from([x, y], rod) < rod.radius - BORDER
+                && RODS.iter().skip(index + 1).all(|it| from([x, y], it) > it.radius + BORDER)
+        };
+        let pairs = with.values.indexed_iter().zip(&without.values);
+        let values: Vec<f64> = pairs
+            .filter(|((at, _), _)| is_inside(*at))
+            .map(|((_, with), without)| f64::from(with - without))
+            .collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        worst.take(mean / rod.scattering - 1.0, || rod.name.to_owned());
+    }
+    worst.holds();
+}
