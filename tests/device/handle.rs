@@ -107,9 +107,8 @@ fn staging_changes_no_bit_and_no_kernel() {
     });
     assert_eq!(mapped.0, staged.0);
     // Dispatches are smaller on a machine that is busy.
-    let kernels = |profile: &beamlet::Profile| -> Vec<String> {
-        profile.kernels.iter().map(|(name, _)| name.clone()).collect()
-    };
+    let kernels =
+        |profile: &beamlet::Profile| -> Vec<String> { profile.kernels.keys().cloned().collect() };
     assert_eq!(kernels(&mapped.1), kernels(&staged.1));
     assert!(!mapped.1.kernels.is_empty());
     let [mapped, staged] = [mapped.1.traffic, staged.1.traffic];
