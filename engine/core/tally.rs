@@ -57,6 +57,7 @@ pub struct Tally {
     /// Patches whose estimated error of light or of the displacement exceeds its tolerance.
     pub beyond_tolerance: u64,
     /// Audit of the errors of sampling.
+    #[serde(skip_serializing_if = "Audit::is_empty")]
     pub audit: Audit,
 }
 
@@ -73,6 +74,11 @@ pub struct Audit {
 }
 
 impl Audit {
+    /// True if nothing was audited.
+    fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+
     /// Sums over all patches.
     #[must_use]
     pub fn all(self) -> AuditSums {
