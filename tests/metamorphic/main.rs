@@ -8,6 +8,7 @@
 
 #![allow(clippy::expect_used, clippy::print_stdout, reason = "tests, which print their figures")]
 
+mod audits;
 mod case;
 mod compare;
 mod draws;
@@ -39,7 +40,12 @@ const SEEN: f32 = 0.01;
 
 /// The seeds of `BEAMLET_SEED`, or the seeds of CI.
 fn seeds() -> Vec<u64> {
-    let Ok(text) = std::env::var("BEAMLET_SEED") else { return SEEDS.to_vec() };
+    seeds_or(SEEDS)
+}
+
+/// The seeds of `BEAMLET_SEED`, or others.
+fn seeds_or(others: impl IntoIterator<Item = u64>) -> Vec<u64> {
+    let Ok(text) = std::env::var("BEAMLET_SEED") else { return others.into_iter().collect() };
     let (first, last) = text.split_once('-').unwrap_or((&text, &text));
     let number = |it: &str| it.parse().expect("BEAMLET_SEED is a number or a range such as 1-300");
     (number(first)..=number(last)).collect()

@@ -2,7 +2,7 @@
 
 use super::case::{Axis, Case};
 use super::compare::Limits;
-use beamlet::material::constants_over;
+use beamlet::material::{Constants, constants_over};
 use beamlet::scene::{Normals, Object, RandomRays, Scene, Scheme, Shape, ShapeOrMesh, Transport};
 use beamlet::{Backend, RunRecord};
 use ndarray::{Array4, Axis as Dimension};
@@ -176,9 +176,14 @@ fn with_sides(shape: &mut Shape) -> Option<Normals> {
 
 /// Largest decrement of the sample, at the least energy.
 fn largest_delta(scene: &Scene) -> f64 {
+    largest(scene, |it| it.delta)
+}
+
+/// Largest of the constants of a sample, at the least energy.
+pub(crate) fn largest(scene: &Scene, of: impl Fn(&Constants) -> f64) -> f64 {
     let energy = scene.source.beam.single_energy().unwrap_or(20.0);
-    let delta = |object: &Object| {
-        constants_over(scene, &object.material, &[energy]).expect("constants")[0].delta
+    let constant = |object: &Object| {
+        of(&constants_over(scene, &object.material, &[energy]).expect("constants")[0])
     };
-    scene.objects.iter().map(delta).fold(0.0, f64::max)
+    scene.objects.iter().map(constant).fold(0.0, f64::max)
 }

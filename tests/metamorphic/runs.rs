@@ -13,7 +13,7 @@ use std::path::PathBuf;
 pub(crate) struct Run {
     flat: Array4<f32>,
     pub(crate) sample: Array4<f32>,
-    record: RunRecord,
+    pub(crate) record: RunRecord,
 }
 
 impl Run {

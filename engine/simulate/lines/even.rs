@@ -9,6 +9,7 @@
 //! then being a random sample. The change to the ray after the next decides between the two: it is twice as large if
 //! jumps are few, and no larger if nothing is resolved.
 
+use super::line::{NARROWEST, PER_JUMP};
 use crate::sampling::{Landed, Opening, ViewContext};
 use beamlet_core::numbers::{self, single};
 use beamlet_core::random::GOLDEN;
@@ -37,13 +38,9 @@ const MOST_GROWTH_OF_FEW: f64 = 8.0;
 const FEW: f64 = 256.0;
 /// Rays are compared where the widths of their cells differ by no more than this.
 const AS_WIDE: f32 = 1.5;
-/// Error of a jump at a random place between two rays, over its light: 1/√12.
-const SPREAD: f32 = 0.29;
 /// Lines of a patch, powers of two: fewest and most. On four lines light of a foam over borders of rows errs by 3.8e-3
 /// (`light_of_foams_is_that_of_random_rays`).
 const LINES: [u32; 2] = [4, 64];
-/// Least width of a cell, m: coordinates in f32 are as coarse across a detector.
-const NARROWEST: f32 = 2e-9;
 
 /// A patch whose rays are spread evenly.
 #[derive(Debug)]
@@ -183,7 +180,7 @@ struct Changes {
 impl Changes {
     /// Error of the light.
     fn error(&self) -> f64 {
-        let least = f64::from(SPREAD * SPREAD);
+        let least = PER_JUMP * PER_JUMP;
         let [near, growth] = self.near_and_growth();
         (self.areas * near * (least + (0.5 - least) * (2.0 - growth))).sqrt()
     }
@@ -271,8 +268,8 @@ impl<'a> EvenSampler<'a> {
         let next = self.next(patch, openings, bodies);
         let Next::Rays { count, is_settled } = next else { return next };
         let left = self.view.budget.max_rays.saturating_sub(patch.rays);
-        let most = single(self.view.lattice.period) / NARROWEST;
-        let possible = count.min(left).min(numbers::whole(most.into()));
+        let most = self.view.lattice.period / NARROWEST;
+        let possible = count.min(left).min(numbers::whole(most));
         let trial = if is_settled { 0 } else { patch.trial.max(1) + 1 };
         let new = self.patch([patch.beamlet, patch.row], openings, possible, trial);
         let is_no_gain = possible < count && possible <= patch.count();
@@ -295,7 +292,7 @@ impl<'a> EvenSampler<'a> {
         let seen: Vec<&Sample> = samples.iter().filter(|it| self.is_seen(it, openings)).collect();
         let hides = seen.iter().any(|it| {
             let apart = f64::from(it.width() / patch.lines as f32);
-            let worth = f64::from(SPREAD * it.area * it.passed);
+            let worth = PER_JUMP * f64::from(it.area * it.passed);
             apart > bodies.narrowest && worth > ACCEPTED * budget
         });
         if patch.trial == 0 && patch.error <= ACCEPTED * budget && !hides {

@@ -6,13 +6,10 @@
 //! until the bends of its light are within the tolerance. A height at which light jumps has two lines, just above and
 //! just below it.
 
+use super::line::PER_JUMP;
 use crate::sampling::ProjectedBounds;
 use beamlet_core::numbers;
 
-/// Error of an interval over its height squared times the bend of its light: the standard deviation of a jump at a
-/// random place in it, 1/√12. Light that bends evenly errs by 1/12, a corner by up to 1/4. This and the next two:
-/// `errors_of_random_light_are_within_the_estimate`.
-const PER_BEND: f64 = 0.29;
 /// Part of the larger of both bends of an interval that counts, per height of the interval beside where that is lower:
 /// a jump in that interval bends light, too, and three lines may be in line by chance.
 const PER_LARGER: f64 = 0.25;
@@ -482,8 +479,8 @@ impl<L: Judged + Clone> Heights<L> {
         }
         let hides = is_jump && own.height > LEAST_HIDING;
         let uneven = self.limits.uneven.error(own.height) * change;
-        let bends = (PER_BEND * own.height * own.height * worst).hypot(uneven);
-        let hidden = if hides { PER_BEND * own.height * HIDDEN * most } else { 0.0 };
+        let bends = (PER_JUMP * own.height * own.height * worst).hypot(uneven);
+        let hidden = if hides { PER_JUMP * own.height * HIDDEN * most } else { 0.0 };
         let [crossing, hidden_crossing] = self.crossing(at, &own, [above, below]);
         Estimate { bends: bends.hypot(crossing), hidden, hidden_crossing }
     }
@@ -512,11 +509,11 @@ impl<L: Judged + Clone> Heights<L> {
         let alone = beside.iter().all(Option::is_none);
         let most = (0..upper.len())
             .map(|step| if alone { own.height * slope(own, step).abs() } else { jump(step) });
-        let error = PER_BEND * most.fold(0.0, f64::max) * (own.height / reach).min(1.0);
+        let error = PER_JUMP * most.fold(0.0, f64::max) * (own.height / reach).min(1.0);
         let moved = own.moved.into_iter().flatten().fold(0.0_f32, |most, it| most.max(it.abs()));
         let hides = own.is_broken && own.height > LEAST_HIDING && own.farthest > 0.0;
         let share = if hides { (own.height / own.farthest).min(1.0) } else { 0.0 };
-        [error, PER_BEND * f64::from(moved) * share]
+        [error, PER_JUMP * f64::from(moved) * share]
     }
 
     /// Light at the ends of the interval below a line.
@@ -620,280 +617,4 @@ fn jumps(ends: &[[f64; 2]], least: f64) -> Vec<[f64; 2]> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use beamlet_core::numbers::single;
-    use beamlet_core::random::Draws;
-
-    const EVEN: Features =
-        Features { height: 1.0, ends: Vec::new(), lids: Vec::new(), rough: false };
-    const LIMITS: Limits = Limits {
-        error: 1e-4,
-        lines: 1000,
-        reach: 0.0,
-        uneven: Uneven::Never,
-        least: LEAST_OF_RAYS,
-    };
-
-    impl Judged for Vec<f32> {
-        fn values(&self) -> &[f32] {
-            self
-        }
-    }
-
-    /// Lines whose light is a function of z.
-    fn lines(of: impl Fn(f64) -> f64, features: &Features, limits: Limits) -> Heights<Vec<f32>> {
-        let mut heights = Heights::new(features, limits);
-        loop {
-            let wanted: Vec<f64> = heights.wanted().collect();
-            if wanted.is_empty() {
-                return heights;
-            }
-            // A second value has less light.
-            heights.add(wanted.iter().map(|z| vec![single(0.5 * of(*z)), single(of(*z))]));
-        }
-    }
-
-    /// Integrals of falling and rising light over the part of an interval within a sharp window.
-    fn sharp(window: [f64; 2]) -> impl Fn([f64; 2]) -> [f64; 2] {
-        move |[top, bottom]| {
-            let [low, high] = [window[0].max(top), window[1].min(bottom)];
-            let whole = (high - low).max(0.0);
-            let rises = whole * (f64::midpoint(low, high) - top) / (bottom - top);
-            [whole - rises, rises]
-        }
-    }
-
-    fn received(heights: &Heights<Vec<f32>>, window: [f64; 2]) -> f64 {
-        let weights = heights.weights(sharp(window));
-        heights.light().zip(weights).map(|(light, weight)| weight * f64::from(light[1])).sum()
-    }
-
-    fn mean(heights: &Heights<Vec<f32>>) -> f64 {
-        received(heights, [0.0, 1.0])
-    }
-
-    #[test]
-    fn light_that_changes_evenly_takes_few_lines_and_fills_windows_exactly() {
-        let heights = lines(|z| 0.25 + 0.1 * z, &EVEN, LIMITS);
-        assert!(heights.count() <= 9 && heights.error() < LIMITS.error);
-        let little = lines(|z| 0.25 + 0.005 * z, &EVEN, LIMITS);
-        assert_eq!(little.count(), 3);
-        assert_eq!(little.nearest(1).map(f64::to_bits), [0.25_f64, 0.75].map(f64::to_bits));
-        let mut draws = Draws::new(1, [0; 3], 0);
-        for _ in 0..100 {
-            let [a, b] = draws.pair();
-            let [low, high] = [a.min(b), a.max(b)];
-            let want = (high - low) * (0.25 + 0.05 * (low + high));
-            let got = received(&heights, [low, high]);
-            assert!((got - want).abs() < 1e-7, "{low} to {high}: {got} for {want}");
-        }
-        let upright = lines(|_| 0.3, &Features { height: f64::INFINITY, ..EVEN }, LIMITS);
-        assert!(upright.count() == 1 && upright.error() <= 0.0);
-        assert!((received(&upright, [0.2, 0.7]) - 0.15).abs() < 1e-7);
-        assert_eq!(upright.nearest(0).map(f64::to_bits), [0.0_f64, 1.0].map(f64::to_bits));
-    }
-
-    /// A line of eight samples that pass all of their light or none.
-    #[derive(Debug, Clone)]
-    struct OfSamples {
-        values: [f32; 1],
-        draws: super::Draws,
-    }
-
-    impl OfSamples {
-        fn drawn(draws: &mut Draws) -> Self {
-            let samples = [0; 8].map(|_| f64::from(u8::from(draws.uniform() < 0.5)));
-            let mut all = super::Draws::default();
-            for (at, passed) in samples.into_iter().enumerate() {
-                let next = samples.get(at + 1);
-                all.add(0.125, passed, next.map(|it| it - passed));
-            }
-            Self { values: [single(samples.iter().sum::<f64>() / 8.0)], draws: all }
-        }
-    }
-
-    impl Judged for OfSamples {
-        fn values(&self) -> &[f32] {
-            &self.values
-        }
-
-        fn draws(&self) -> Option<super::Draws> {
-            Some(self.draws)
-        }
-    }
-
-    /// Errors of 200 rows of random samples, root mean square, against their estimates: these are within a factor of 1.5,
-    /// which 200 rows show to 10 %.
-    #[test]
-    fn errors_of_random_samples_are_those_of_their_mean() {
-        let features = Features { rough: true, height: 0.5, ..EVEN };
-        let mut draws = Draws::new(3, [0; 3], 0);
-        for error in [0.02, 0.01] {
-            let (mut squares, mut told) = (0.0, 0.0);
-            for _ in 0..200 {
-                let mut heights = Heights::new(&features, Limits { error, ..LIMITS });
-                loop {
-                    let wanted = heights.wanted().count();
-                    if wanted == 0 {
-                        break;
-                    }
-                    heights.add((0..wanted).map(|_| OfSamples::drawn(&mut draws)));
-                }
-                let weights = heights.weights(sharp([0.0, 1.0]));
-                let light = heights.light().map(|it| f64::from(it.values[0]));
-                let mean: f64 = light.zip(weights).map(|(light, weight)| light * weight).sum();
-                squares += (mean - 0.5).powi(2);
-                told += heights.error().powi(2);
-                assert!(heights.error() <= error && heights.count() < 1000);
-            }
-            let ratio = f64::sqrt(squares / told);
-            assert!((0.67..1.5).contains(&ratio), "true over told {ratio} at {error}");
-        }
-    }
-
-    /// Light of a shape, and its mean over a row; `at`: a place of the row, `width`: a part of it.
-    type Shape = fn(z: f64, at: f64, width: f64) -> f64;
-
-    /// Shapes with their means in closed form by an antiderivative that is 0 far above.
-    const SHAPES: [(&str, Shape, Shape); 5] = [
-        ("jumps", |z, at, _| f64::from(u8::from(z > at)), |z, at, _| (z - at).max(0.0)),
-        (
-            "ramps",
-            |z, at, w| ((z - at) / w).clamp(0.0, 1.0),
-            |z, at, w| {
-                let within = (z - at).clamp(0.0, w);
-                0.5 * within * within / w + (z - at - w).max(0.0)
-            },
-        ),
-        (
-            "rims",
-            |z, at, _| (z - at).max(0.0).sqrt(),
-            |z, at, _| 2.0 / 3.0 * (z - at).max(0.0).powf(1.5),
-        ),
-        (
-            "balls",
-            |z, at, w| (w * w - (z - at) * (z - at)).max(0.0).sqrt(),
-            |z, at, w| {
-                let t = ((z - at) / w).clamp(-1.0, 1.0);
-                0.5 * w * w * (t.asin() + t * (1.0 - t * t).max(0.0).sqrt())
-            },
-        ),
-        (
-            "edges",
-            |z, at, w| 0.5 * (1.0 + libm::erf((z - at) / w)),
-            |z, at, w| {
-                let t = (z - at) / w;
-                0.5 * w * (t * (1.0 + libm::erf(t)) + (-t * t).exp() / std::f64::consts::PI.sqrt())
-            },
-        ),
-    ];
-
-    /// True errors of 300 lights of each shape, against their estimates. Estimates are at most the limit, so errors
-    /// beyond it are rare, and told.
-    #[test]
-    fn errors_of_random_light_are_within_the_estimate() {
-        for (kind, (name, of, whole)) in (0..).zip(SHAPES) {
-            let mut draws = Draws::new(2, [kind, 0, 0], 0);
-            let (mut squares, mut estimates, mut count, mut most) = (0.0, 0.0, 0, 0.0_f64);
-            for _ in 0..300 {
-                let [at, width] = draws.pair();
-                // Balls are half a row high or more: `height` has to tell of smaller ones.
-                let octaves = if name == "balls" { 2.0 } else { 8.0 };
-                let (at, width) = (1.2 * at - 0.1, (-octaves * width).exp2());
-                let amplitude = 10.0_f64.powf(-1.0 - 3.0 * draws.uniform());
-                let light = |z: f64| 0.1 + amplitude * of(z, at, width);
-                let heights = lines(light, &EVEN, LIMITS);
-                let want = 0.1 + amplitude * (whole(1.0, at, width) - whole(0.0, at, width));
-                let (error, estimate) = ((mean(&heights) - want).abs(), heights.error());
-                assert!(heights.count() < 26, "{name} {at} {width}: {} lines", heights.count());
-                assert!(estimate < 1.01 * LIMITS.error, "{name} {at} {width}: {estimate:e}");
-                most = most.max(error);
-                squares += error * error;
-                estimates += estimate * estimate;
-                count += heights.count();
-            }
-            let [root, told] = [squares, estimates].map(|sum: f64| (sum / 300.0).sqrt());
-            let lines = f64::from(numbers::count(count)) / 300.0;
-            println!("{name}: {root:.1e}, {most:.1e} of {told:.1e}, {lines:.1} lines");
-            assert!(root < 1.1 * told && most < 4.0 * LIMITS.error, "{name}: {root:e} {told:e}");
-            assert!(lines < 13.0, "{name}: {lines}");
-        }
-    }
-
-    /// An edge that crosses the aperture at a slant of 2 degrees or less: light is another before, between and after,
-    /// and before and after hardly differ.
-    #[test]
-    fn light_of_edges_that_cross_an_aperture_within_little_height_is_found() {
-        let mut draws = Draws::new(5, [0; 3], 0);
-        let mut squares = 0.0;
-        for _ in 0..300 {
-            let [at, width] = draws.pair();
-            let width = 0.01 * width;
-            let of = |z: f64| match (z - at) / width {
-                t if t < 0.0 => 0.15,
-                t if t < 1.0 => 0.15 - 0.05 * (std::f64::consts::PI * t).sin() - 0.002 * t,
-                _ => 0.148,
-            };
-            let heights = lines(of, &EVEN, LIMITS);
-            let steps = 20_000;
-            let want = (0..steps).map(|it| of((f64::from(it) + 0.5) / f64::from(steps)));
-            let error = (mean(&heights) - want.sum::<f64>() / f64::from(steps)).abs();
-            assert!(error < 4.0 * LIMITS.error && heights.count() < 40, "{at} {width}: {error:e}");
-            squares += error * error;
-        }
-        let root = (squares / 300.0_f64).sqrt();
-        assert!(root < LIMITS.error, "{root:e}");
-    }
-
-    /// Light that ends at a height which is known, in a row or at its borders, within the rounding of its place, and
-    /// with a slope before it.
-    #[test]
-    fn jumps_at_known_heights_take_two_lines() {
-        let mut draws = Draws::new(3, [0; 3], 0);
-        for case in 0..200 {
-            let end = if case < 6 { f64::from(case % 2) } else { draws.uniform() };
-            for off in [0.0, 1e-5, -1e-5] {
-                let mut features = EVEN;
-                features.add_end([end; 2]);
-                let of = |z: f64| if z < end + off { 0.2 + 0.01 * z } else { 0.1 };
-                let heights = lines(of, &features, LIMITS);
-                let to = (end + off).clamp(0.0, 1.0);
-                let want = to * (0.2 + 0.005 * to) + 0.1 * (1.0 - to);
-                let (error, count) = ((mean(&heights) - want).abs(), heights.count());
-                assert!(error < 3e-6 && count <= 7, "{end} {off:e}: {error:e}, {count} lines");
-            }
-        }
-    }
-
-    #[test]
-    fn lines_are_within_their_number_and_the_estimate_exceeds_the_limit() {
-        for lines_at_most in [3, 9] {
-            let limits = Limits { lines: lines_at_most, ..LIMITS };
-            let mut many = Features { height: 0.02, ..EVEN };
-            many.add_end([0.3; 2]);
-            many.add_end([0.6; 2]);
-            for features in [EVEN, many] {
-                let heights = lines(|z| (20.0 * z).sin(), &features, limits);
-                assert!(heights.count() <= lines_at_most && heights.error() > 0.01);
-            }
-        }
-    }
-
-    /// A body of half a chord more than the height of intervals is met.
-    #[test]
-    fn bodies_higher_than_the_intervals_are_met() {
-        let mut draws = Draws::new(4, [0; 3], 0);
-        for _ in 0..200 {
-            let [at, chord] = draws.pair();
-            let chord = 0.05 + 0.3 * chord;
-            let features = Features { height: 0.5 * chord, ..EVEN };
-            let [top, bottom] = [at - 0.5 * chord, at + 0.5 * chord];
-            let of = |z: f64| if z > top && z < bottom { 0.1 } else { 0.0 };
-            let heights = lines(of, &features, LIMITS);
-            let want = 0.1 * (bottom.min(1.0) - top.max(0.0));
-            let error = (mean(&heights) - want).abs();
-            assert!(error < 2.0 * LIMITS.error, "{at} {chord}: {error:e}");
-        }
-    }
-}
+mod tests;

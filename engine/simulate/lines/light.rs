@@ -1,7 +1,7 @@
 //! Light of lines: what windows record of the pieces of a line, for each mask step.
 
 use super::heights::{Draws, Judged};
-use super::line::{Piece, Source, open_share};
+use super::line::{PER_JUMP, Piece, Source, open_share};
 use crate::sampling::{Opening, ViewContext};
 use beamlet_core::numbers::{self, single};
 use std::ops::Range;
@@ -273,11 +273,11 @@ impl<'a> Illumination<'a> {
                     // As wide as light that materials spread.
                     half = (half * half + 3.0 * scattering).sqrt();
                 }
-                let home = (at / windows.period).round();
-                for number in [home - 1.0, home, home + 1.0] {
-                    let passed = windows.passed_sloped(at - number * windows.period, half, slope);
+                for number in windows.numbers(column, at, half) {
+                    let aside = at - number as f32 * windows.period;
+                    let passed = windows.passed_sloped(aside, half, slope);
                     let passed = part * light * windows.share * passed;
-                    let index = numbers::whole::<i64>(number.into()).rem_euclid(WINDOWS);
+                    let index = number.rem_euclid(WINDOWS);
                     let place = (kind * steps + step) * numbers::narrow::<usize>(WINDOWS);
                     values[place + numbers::narrow::<usize>(index)] += passed;
                     moved += ratio * passed;
@@ -341,12 +341,9 @@ impl<'a> Illumination<'a> {
             }
         }
         let most = same.unwrap_or_else(|| aside(own) * change(depth, displacement)).max(other);
-        PER_CHANGE * most * f64::from(response.weight * open)
+        PER_JUMP * most * f64::from(response.weight * open)
     }
 }
 
 /// Factor of a hash (FNV).
 const HASH: u32 = 0x0100_0193;
-
-/// Error of light that changes linearly between two rays, over its change: 1/√12.
-const PER_CHANGE: f64 = 0.29;

@@ -5,6 +5,12 @@ use beamlet_core::numbers::single;
 use beamlet_interface::RayResult;
 use std::cmp::Ordering;
 
+/// Error of a jump of light at a random place of an interval over light and width, 1/√12: the standard deviation of the
+/// place (`errors_of_random_light_are_within_the_estimate`, `measured_errors_are_true_ones`).
+pub(super) const PER_JUMP: f64 = 0.29;
+/// Least width of a part of a line with a ray of its own, m: coordinates of rays in f32 are as coarse across a detector.
+pub(super) const NARROWEST: f64 = 2e-9;
+
 /// Place of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LinePlace {

@@ -3,7 +3,7 @@
 
 use super::by_facets::{Cut, EdgePlace, FacetCuts};
 use super::by_shapes::{Crossing, ShapeCut, ShapeInBeam};
-use super::line::{LinePlace, Piece, Source, open_share};
+use super::line::{LinePlace, NARROWEST, Piece, Source, open_share};
 use crate::sampling::{Opening, SurfaceStep, ViewContext};
 use crate::trace::FIRST_ORDER_ERROR;
 use beamlet_core::numbers::{self, single};
@@ -29,8 +29,6 @@ const MOST_HALVINGS: u32 = 14;
 const HORIZON: f64 = 1e-4;
 /// Rays at the end of a section are computed this far inside it, share of its width.
 const INSIDE: f64 = 1e-10;
-/// Narrower pieces, m, get no ray of their own: places of rays are as coarse in f32 across a detector.
-const NARROWEST: f64 = 2e-9;
 /// Most rays of a piece that draw normals.
 const MOST_DRAWS: f64 = 64.0;
 /// Error by light of a piece near grazing that needs no exact ray, share of the budget.

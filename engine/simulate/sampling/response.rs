@@ -15,6 +15,8 @@ const AT_EDGE: f64 = 1e-6;
 const STEPS_APART: f64 = 1.0 / 16.0;
 /// Bars that let less light through than this share of the tolerance are opaque.
 const NEGLIGIBLE_LEAK: f64 = 0.5;
+/// Standard deviations of the blur of the detector from where light beside it is recorded.
+const FARTHEST_BLUR: f64 = 4.0;
 /// An opening is seen this many standard deviations beyond its edges.
 const SOFT_EDGE: f64 = 2.0;
 
@@ -92,14 +94,11 @@ impl Response {
             Some(passed) => (openings_of_steps(&passed, offsets, soft), passed.period[0]),
             None => (Vec::new(), beams.period[0]),
         };
-        let landing = |c: &BeamletGeometry| {
-            if optics.detector_mask.is_some() { c.aperture_offset } else { c.pixel_offset }
-        };
         Self {
             windows: windows_of(optics, &beamlets, window_leak, blur),
             blur: single(blur),
             magnification: single(analyser / lattice.plane),
-            landing: beamlets.iter().map(landing).collect(),
+            landing: beamlets.iter().map(|c| landing(optics, c)).collect(),
             steps: openings.last().map_or(1, |last| last.step as usize + 1),
             openings,
             mask_offset: beamlets.iter().map(|c| c.sample_offset).collect(),
@@ -208,17 +207,37 @@ impl Landed {
 /// where a border of pixels lies in it.
 fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f64) -> Vec<Windows> {
     let leak = if optics.detector_mask.is_some() { leak } else { 0.0 };
-    let mut windows = vec![Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new())];
+    let to_analyser = optics.analyser / optics.detector.distance;
+    let of_detector = optics.column_blur * to_analyser;
+    // Light beside the detector is blurred into it.
+    let beside = FARTHEST_BLUR * of_detector;
+    let width = f64::from(optics.detector.pixels[0]) * optics.analyser_pixel();
+    let ends = |aside: f64| {
+        move |c: &BeamletGeometry| {
+            let first = -(f64::from(c.pixel) + 0.5) * optics.analyser_pixel();
+            let centre = f64::from(landing(optics, c)) + aside - f64::from(c.pixel_offset);
+            [first + centre - beside, first + centre + width + beside]
+        }
+    };
+    let own = beamlets.iter().map(ends(0.0));
+    let mut windows = vec![Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new(), own)];
     // Pixels of a detector that blurs have soft borders, which reach into apertures.
     let softens = optics.column_parts > 1 && optics.detector_mask.is_some();
     let parted = if softens || borders_lie_in_apertures(optics, beamlets) { 1.0 } else { leak };
     if parted > 0.0 {
-        let aside = beamlets.iter().map(|c| pixel_aside(optics, c)).collect();
-        let of_detector = optics.column_blur * optics.analyser / optics.detector.distance;
+        let aside: Vec<f32> = beamlets.iter().map(|c| pixel_aside(optics, c)).collect();
+        let own: Vec<_> =
+            beamlets.iter().zip(&aside).map(|(c, aside)| ends((*aside).into())(c)).collect();
         let soft = if softens { blur.hypot(of_detector) } else { blur };
-        windows.push(Windows::new(&optics.whole_pixel_windows(), soft, parted, aside));
+        let pixels = optics.whole_pixel_windows();
+        windows.push(Windows::new(&pixels, soft, parted, aside, own.into_iter()));
     }
     windows
+}
+
+/// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the nearest window, m.
+fn landing(optics: &Optics, c: &BeamletGeometry) -> f32 {
+    if optics.detector_mask.is_some() { c.aperture_offset } else { c.pixel_offset }
 }
 
 /// Centre of the period of the detector mask that light of a beamlet lands in, from the centre of the pixel of the

@@ -2,6 +2,7 @@
 
 use beamlet_core::numbers::{self, single};
 use beamlet_model::optics::Openings;
+use std::ops::RangeInclusive;
 
 /// Points of a table of windows per period of the windows.
 const WINDOW_POINTS: usize = 512;
@@ -27,6 +28,8 @@ pub(crate) struct Windows {
     /// Distance from the centre of the nearest of these windows to the centre of the nearest aperture of
     /// the detector mask, m, by beamlet of the lattice; empty if they are those apertures.
     aside: Vec<f32>,
+    /// Numbers of the first and last window on the detector, by beamlet of the lattice.
+    recorded: Vec<[i64; 2]>,
 }
 
 /// Light as windows see it: spread over 2 `half` about a landing point, m.
@@ -40,9 +43,19 @@ pub(super) struct Seen {
 }
 
 impl Windows {
-    /// Windows behind a blur, m, that pass a share of the light.
-    pub(super) fn new(openings: &Openings, blur: f64, share: f32, aside: Vec<f32>) -> Self {
+    /// Windows behind a blur, m, that pass a share of the light. `ends`: of the detector from the centre of the window 0, m,
+    /// by beamlet of the lattice.
+    pub(super) fn new(
+        openings: &Openings,
+        blur: f64,
+        share: f32,
+        aside: Vec<f32>,
+        ends: impl Iterator<Item = [f64; 2]>,
+    ) -> Self {
         let period = openings.period[0];
+        let recorded = |[low, high]: [f64; 2]| {
+            [numbers::whole((low / period).ceil()), numbers::whole((high / period).floor())]
+        };
         let is_sharp = blur * WINDOW_POINTS as f64 <= period;
         Self {
             share,
@@ -54,6 +67,7 @@ impl Windows {
             sharp: is_sharp.then(|| openings.ends().map(|ends| ends.map(single)).collect()),
             period: single(period),
             aside,
+            recorded: ends.map(recorded).collect(),
         }
     }
 
@@ -79,6 +93,15 @@ impl Windows {
             let (a, b) = (self.integral[index], self.integral[index + 1]);
             a + (b - a) * (place - index as f32)
         }
+    }
+
+    /// Numbers of the windows on the detector that light of the beamlet at `column` passes, spread over [at - half,
+    /// at + half].
+    pub(crate) fn numbers(&self, column: usize, at: f32, half: f32) -> RangeInclusive<i64> {
+        let far = half + self.reach;
+        let [low, high] = [at - far, at + far].map(|it| f64::from(it / self.period));
+        let [first, last] = self.recorded[column];
+        numbers::whole::<i64>(low.ceil()).max(first)..=numbers::whole::<i64>(high.floor()).min(last)
     }
 
     /// Share of light spread evenly over [at - half, at + half] that passes the window at 0.

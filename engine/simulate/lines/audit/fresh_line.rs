@@ -1,0 +1,377 @@
+//! Lines of rays of an audit.
+
+use super::super::even::seen;
+use super::super::heights::Interval;
+use super::super::line::{LinePlace, NARROWEST, PER_JUMP, Piece, open_share};
+use super::super::patches::LinePatch;
+use super::{Auditor, Drawn, Part, SETS, Sampled, plain};
+use crate::trace::Tracer;
+use beamlet_core::numbers::single;
+use beamlet_core::random::Draws;
+use beamlet_core::{Result, numbers};
+use beamlet_interface::{Ray, RayResult};
+use rayon::prelude::*;
+
+/// Lines of a set.
+const LINES: u32 = 6;
+/// Share of the heights that are spread evenly; others follow the estimated errors of intervals.
+const EVEN_HEIGHTS: f64 = 0.2;
+/// Rays of a line before an interval between them is divided.
+const RAYS: f64 = 12.0;
+/// Rays of a line that draw normals: intervals between them are not divided.
+const RANDOM_RAYS: f64 = 64.0;
+/// Parts of an interval between rays that cross different surfaces.
+const PARTS_OF_CUT: u32 = 4;
+/// Error of an interval that is not divided, share of the budget: a larger one makes the measured error uncertain, not
+/// wrong.
+const RESOLVED: f64 = 0.02;
+/// Error of an interval that needs no ray at a random place, share of the budget.
+const NEGLIGIBLE: f64 = 0.002;
+/// Error of light that is linear between three rays, over what the middle one is off the line through the others: it is
+/// off by a quarter between two, on average by two thirds of that.
+const PER_BEND: f64 = 1.0 / 6.0;
+/// Most rounds of rays.
+const ROUNDS: usize = 8;
+/// Most rays of a line.
+const MOST_RAYS: usize = 2000;
+
+/// Line of rays of a set.
+pub(super) struct FreshLine {
+    /// Index of its patch.
+    pub(super) drawn: usize,
+    pub(super) set: usize,
+    place: LinePlace,
+    /// Rows below the upper border of the patch.
+    z: f64,
+    /// Part of the row that it represents.
+    weight: f64,
+    /// Rays by open part of the period, in the order of x.
+    parts: Vec<Vec<FreshRay>>,
+    /// Rays draw normals: they are not divided.
+    is_random: bool,
+    /// Rays at random places of intervals between two rays.
+    checks: Vec<Check>,
+}
+
+/// Ray at a random place between two: what it differs by from light that is linear between them is what that misses,
+/// on average.
+#[derive(Debug, Clone, Copy)]
+struct Check {
+    ends: [FreshRay; 2],
+    ray: FreshRay,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct FreshRay {
+    /// From the centre of the beamlet, m.
+    x: f64,
+    result: Option<RayResult>,
+}
+
+impl FreshLine {
+    /// Rays without a result, at the place of the line.
+    fn open_rays(&mut self) -> Vec<(LinePlace, &mut FreshRay)> {
+        let rays = self.parts.iter_mut().flatten().filter(|ray| ray.result.is_none());
+        rays.map(|ray| (self.place, ray)).collect()
+    }
+
+    /// Rays of its checks, at the place of the line.
+    fn check_rays(&mut self) -> Vec<(LinePlace, &mut FreshRay)> {
+        self.checks.iter_mut().map(|check| (self.place, &mut check.ray)).collect()
+    }
+}
+
+impl FreshRay {
+    /// Hash of the surfaces that it crosses.
+    fn signature(&self) -> Option<u32> {
+        self.result.map(|it| it.signature)
+    }
+}
+
+impl Check {
+    fn x(&self) -> [f64; 2] {
+        self.ends.map(|end| end.x)
+    }
+
+    /// Its interval with the light of its ray.
+    fn seen(&self) -> Option<Piece> {
+        Some(plain(self.x(), self.ray.result?))
+    }
+
+    /// Its interval with the light at its place that is linear between both ends, or that of the nearer one.
+    fn linear(&self) -> Option<Piece> {
+        let [low, high] = self.ends;
+        let [a, b] = [low.result?, high.result?];
+        let share = (self.ray.x - low.x) / (high.x - low.x);
+        let is_cut = a.signature != b.signature;
+        let result = between(&a, &b, if is_cut { 0.0 } else { share });
+        Some(plain(self.x(), if is_cut && share > 0.5 { b } else { result }))
+    }
+}
+
+/// Patches of lines.
+impl Auditor<'_> {
+    /// Begins the lines of both sets of a patch.
+    pub(super) fn begin(
+        &self,
+        drawn: usize,
+        patch: &LinePatch,
+        draws: &mut Draws,
+        lines: &mut Vec<FreshLine>,
+    ) {
+        let intervals = patch.heights.intervals();
+        let is_random = patch.heights.light().any(|line| line.draws.are_any());
+        for set in 0..SETS {
+            for line in 0..LINES {
+                let share = (f64::from(line) + draws.uniform()) / f64::from(LINES);
+                let (z, density) = height(&intervals, share);
+                let place = LinePlace { beamlet: patch.beamlet, row: patch.row as f64 + z };
+                let weight = 1.0 / (f64::from(LINES) * density);
+                let parts = self.first_rays(patch.beamlet, is_random, draws);
+                let checks = Vec::new();
+                lines.push(FreshLine { drawn, set, place, z, weight, parts, is_random, checks });
+            }
+        }
+    }
+
+    /// First rays of a line: at even distances from a random place on, and at the ends of what mask steps open.
+    fn first_rays(&self, beamlet: i64, is_random: bool, draws: &mut Draws) -> Vec<Vec<FreshRay>> {
+        let half = 0.5 * self.view.lattice.period;
+        let open = match self.view.response.leak > 0.0 {
+            true => vec![[-half, half]],
+            false => {
+                let openings = &self.openings[self.view.lattice.column(beamlet)];
+                seen(openings).into_iter().map(|ends| ends.map(f64::from)).collect()
+            }
+        };
+        let whole: f64 = open.iter().map(|[low, high]| high - low).sum();
+        let distance = whole / if is_random { RANDOM_RAYS } else { RAYS };
+        let of_part = |[low, high]: [f64; 2]| {
+            let first = draws.uniform();
+            let count = numbers::whole::<u32>(((high - low) / distance).ceil().max(2.0));
+            let step = (high - low) / f64::from(count);
+            let inner = (0..count).map(|at| low + step * (f64::from(at) + first));
+            let places = std::iter::once(low).chain(inner).chain([high]);
+            places.map(|x| FreshRay { x, result: None }).collect()
+        };
+        open.into_iter().map(of_part).collect()
+    }
+
+    /// Traces rays until lines are resolved.
+    pub(super) fn trace(&self, tracer: &mut Tracer, lines: &mut [FreshLine]) -> Result<()> {
+        for _ in 0..ROUNDS {
+            tracer.cancel().check()?;
+            let rays: Vec<_> = lines.iter_mut().flat_map(FreshLine::open_rays).collect();
+            if rays.is_empty() {
+                break;
+            }
+            self.trace_rays(tracer, rays)?;
+            lines.par_iter_mut().filter(|line| !line.is_random).for_each(|line| self.divide(line));
+        }
+        // Rays of the last round that are not traced.
+        for part in lines.iter_mut().flat_map(|line| &mut line.parts) {
+            part.retain(|ray| ray.result.is_some());
+        }
+        Ok(())
+    }
+
+    fn trace_rays(&self, tracer: &mut Tracer, rays: Vec<(LinePlace, &mut FreshRay)>) -> Result<()> {
+        let ray = |(place, ray): &(LinePlace, &mut FreshRay)| {
+            self.view.lattice.ray(place.beamlet, ray.x, place.row, self.view.pose)
+        };
+        let results = tracer.trace(&rays.iter().map(ray).collect::<Vec<Ray>>())?;
+        rays.into_iter()
+            .zip(results)
+            .for_each(|((_, ray), result)| ray.result = Some(self.narrowed(result)));
+        Ok(())
+    }
+
+    /// Traces rays at random places of intervals whose light may not be linear.
+    pub(super) fn check(
+        &self,
+        tracer: &mut Tracer,
+        lines: &mut [FreshLine],
+        drawn: &mut [Drawn<'_>],
+    ) -> Result<()> {
+        let limit = NEGLIGIBLE * self.view.budget.light;
+        for line in lines.iter_mut().filter(|line| !line.is_random) {
+            let column = self.view.lattice.column(line.place.beamlet);
+            let draws = &mut drawn[line.drawn].draws;
+            for part in &line.parts {
+                for (ends, error) in part.windows(2).zip(self.errors(column, part)) {
+                    if error > limit
+                        && let [low, high] = *ends
+                    {
+                        let x = low.x + (high.x - low.x) * draws.uniform();
+                        let ray = FreshRay { x, result: None };
+                        line.checks.push(Check { ends: [low, high], ray });
+                    }
+                }
+            }
+        }
+        self.trace_rays(tracer, lines.iter_mut().flat_map(FreshLine::check_rays).collect())
+    }
+
+    /// Adds rays where the light between two is not known.
+    fn divide(&self, line: &mut FreshLine) {
+        let column = self.view.lattice.column(line.place.beamlet);
+        let mut count: usize = line.parts.iter().map(Vec::len).sum();
+        for part in &mut line.parts {
+            let parts = self.divisions(column, part);
+            count += parts.iter().map(|it| *it as usize - 1).sum::<usize>();
+            if count > MOST_RAYS {
+                return;
+            }
+            let mut divided = Vec::with_capacity(part.len());
+            for (pair, parts) in part.windows(2).zip(parts) {
+                divided.push(pair[0]);
+                let step = (pair[1].x - pair[0].x) / f64::from(parts);
+                let between = (1..parts).map(|at| pair[0].x + step * f64::from(at));
+                divided.extend(between.map(|x| FreshRay { x, result: None }));
+            }
+            divided.extend(part.last());
+            *part = divided;
+        }
+    }
+
+    /// Number of parts of each interval between traced rays.
+    fn divisions(&self, column: usize, rays: &[FreshRay]) -> Vec<u32> {
+        let limit = RESOLVED * self.view.budget.light;
+        let parts = |(pair, error): (&[FreshRay], f64)| match pair {
+            _ if error <= limit => 1,
+            [a, b] if b.x - a.x < 2.0 * NARROWEST * f64::from(PARTS_OF_CUT) => 1,
+            [a, b] if a.signature() != b.signature() => PARTS_OF_CUT,
+            _ => 2,
+        };
+        rays.windows(2).zip(self.errors(column, rays)).map(parts).collect()
+    }
+
+    /// Errors of light that is linear in each interval between traced rays, in the unit of light.
+    fn errors(&self, column: usize, rays: &[FreshRay]) -> Vec<f64> {
+        let response = self.view.response;
+        let change = |at: f64, a: &RayResult, b: &RayResult| {
+            let light = [a, b].map(|it| response.hardening.light(it.optical_depth));
+            let [own, other] =
+                [a, b].map(|it| response.landing(column, single(at), it.displacement_x));
+            let change = response.change(column, [light[0], own], [light[1], other], 0.0);
+            let rows = (self.view.down(a) - self.view.down(b)).abs().min(1.0);
+            f64::from(change.max(rows * light[0].max(light[1])))
+        };
+        let open = |x: [f64; 2]| {
+            let share = response.lit(single(open_share(&self.openings[column], x)));
+            (x[1] - x[0]) * f64::from(response.weight * share)
+        };
+        let of_pair = |pair: &[FreshRay]| {
+            let [low, high] = [pair[0], pair[1]];
+            let (Some(a), Some(b)) = (low.result, high.result) else { return [0.0; 2] };
+            let all = change(f64::midpoint(low.x, high.x), &a, &b) * open([low.x, high.x]);
+            if a.signature == b.signature { [0.0, PER_BEND * all] } else { [PER_JUMP * all, 0.0] }
+        };
+        let of_three = |three: &[FreshRay]| {
+            let [low, own, high] = [three[0], three[1], three[2]];
+            let [Some(a), Some(it), Some(b)] = [low, own, high].map(|ray| ray.result) else {
+                return None;
+            };
+            let is_same = a.signature == it.signature && it.signature == b.signature;
+            let linear = between(&a, &b, (own.x - low.x) / (high.x - low.x));
+            is_same.then(|| PER_BEND * change(own.x, &it, &linear) * open([low.x, high.x]))
+        };
+        let bends: Vec<Option<f64>> = rays.windows(3).map(of_three).collect();
+        let bend = |at: Option<usize>| bends.get(at?).copied().flatten();
+        let error = |(at, pair): (usize, &[FreshRay])| {
+            let [jump, alone] = of_pair(pair);
+            match (bend(at.checked_sub(1)), bend(Some(at))) {
+                (None, None) => jump.max(alone),
+                (a, b) => a.unwrap_or(0.0).max(b.unwrap_or(0.0)),
+            }
+        };
+        rays.windows(2).enumerate().map(error).collect()
+    }
+
+    /// Light of the patch at the place of a line less that of the line, for the part of the row that it represents.
+    pub(super) fn difference(&self, line: &FreshLine, patch: &Sampled<'_>) -> Vec<f64> {
+        let mut sums = vec![0.0; self.values()];
+        let Sampled::Lines(patch) = patch else { return sums };
+        let place = [patch.beamlet, patch.row];
+        let part =
+            |share: f64| move |_: &Piece| Part { z: [line.z; 2], weight: share * line.weight };
+        for (own, share) in patch.heights.at(line.z) {
+            self.add_light(place, &own.pieces, part(share), &mut sums);
+        }
+        // Light between two rays lands between them along z as well.
+        let (mut pieces, mut down) = (Vec::new(), Vec::new());
+        for pair in line.parts.iter().flat_map(|part| part.windows(2)) {
+            for (piece, ends) in pieces_between(pair) {
+                let own = self.view.down(&piece.result);
+                let mut aside = ends.map(|end| f64::from(self.view.down(&end) - own));
+                aside.sort_unstable_by(f64::total_cmp);
+                pieces.push(Piece { interval: numbers::count(down.len()), ..piece });
+                down.push(aside);
+            }
+        }
+        let spread = |piece: &Piece| {
+            let z = down[piece.interval as usize].map(|down| line.z + down);
+            Part { z, weight: -line.weight }
+        };
+        self.add_light(place, &pieces, spread, &mut sums);
+        let seen: Vec<Piece> = line.checks.iter().filter_map(Check::seen).collect();
+        self.add_light(place, &seen, part(-1.0), &mut sums);
+        let linear: Vec<Piece> = line.checks.iter().filter_map(Check::linear).collect();
+        self.add_light(place, &linear, part(1.0), &mut sums);
+        sums
+    }
+}
+
+/// Height for a uniform number, rows below the upper border, and the density of heights there.
+fn height(intervals: &[Interval], share: f64) -> (f64, f64) {
+    let whole: f64 = intervals.iter().map(|it| it.error).sum();
+    let of_errors = if whole > 0.0 { 1.0 - EVEN_HEIGHTS } else { 0.0 };
+    let mut left = share;
+    for (at, it) in intervals.iter().enumerate() {
+        let height = it.z[1] - it.z[0];
+        let own = (1.0 - of_errors) * height
+            + if whole > 0.0 { of_errors * it.error / whole } else { 0.0 };
+        if left < own || at + 1 == intervals.len() {
+            let part = (left / own).min(1.0);
+            return (it.z[0] + part * height, own / height);
+        }
+        left -= own;
+    }
+    (0.5, 1.0)
+}
+
+/// Result between two rays that cross the same surfaces.
+fn between(a: &RayResult, b: &RayResult, share: f64) -> RayResult {
+    let share = single(share);
+    let mix = |a: f32, b: f32| a + (b - a) * share;
+    RayResult {
+        optical_depth: mix(a.optical_depth, b.optical_depth),
+        displacement_x: mix(a.displacement_x, b.displacement_x),
+        displacement_z: mix(a.displacement_z, b.displacement_z),
+        slope_x: mix(a.slope_x, b.slope_x),
+        slope_z: mix(a.slope_z, b.slope_z),
+        displacement_variance: mix(a.displacement_variance, b.displacement_variance),
+        ..*a
+    }
+}
+
+/// Pieces between two rays, with the results at their ends: one where both cross the same surfaces, else a half for each.
+fn pieces_between(pair: &[FreshRay]) -> Vec<(Piece, [RayResult; 2])> {
+    let [(low, Some(a)), (high, Some(b))] = [0, 1].map(|at| (pair[at].x, pair[at].result)) else {
+        return Vec::new();
+    };
+    let piece = |x: [f64; 2], ends: [RayResult; 2]| {
+        let piece = Piece {
+            depth: ends.map(|it| it.optical_depth),
+            displacement: ends.map(|it| it.displacement_x),
+            scattering: ends.map(|it| it.displacement_variance),
+            ..plain(x, between(&ends[0], &ends[1], 0.5))
+        };
+        (piece, ends)
+    };
+    if a.signature == b.signature {
+        return vec![piece([low, high], [a, b])];
+    }
+    let middle = f64::midpoint(low, high);
+    vec![piece([low, middle], [a, a]), piece([middle, high], [b, b])]
+}
