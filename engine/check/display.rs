@@ -7,6 +7,7 @@ use super::{
 use beamlet_core::numbers;
 use beamlet_core::printed::{duration, number};
 use beamlet_core::units::Dimension;
+use beamlet_files::AuditedError;
 use std::fmt::{self, Display, Formatter};
 
 /// Most objects of a list by name.
@@ -213,6 +214,13 @@ fn write_estimate(f: &mut Formatter<'_>, work: &Work) -> fmt::Result {
     let rays = [estimate.rays_per_view, estimate.rays].map(about);
     line(f, "rays", format!("about {} per view, {} in all", rays[0], rays[1]))?;
     line(f, "lines", format!("about {} in all", about(estimate.lines)))?;
+    if let Some(error) = &estimate.sampling_error {
+        let AuditedError { rms, standard_error, patches, .. } = error;
+        let text = format!(
+            "{rms:.1e} of open beam (rms of {patches} beamlets and rows, standard error {standard_error:.1e})"
+        );
+        line(f, "sampling", text)?;
+    }
     let time = format!("about {}, without noise and output", duration(estimate.seconds));
     line(f, "time", time)
 }

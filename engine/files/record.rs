@@ -303,19 +303,24 @@ pub struct AuditedError {
     pub patches: u64,
 }
 
+impl AuditedError {
+    /// From a mean square, in squared tolerances, and its standard error, of some patches that were drawn.
+    #[doc(hidden)]
+    pub fn of([square, error]: [f64; 2], patches: u64, tolerance: f64) -> Self {
+        let rms = square.max(0.0).sqrt();
+        let standard_error = (square.max(0.0) + error).sqrt() - rms;
+        Self { rms: tolerance * rms, standard_error: tolerance * standard_error, patches }
+    }
+}
+
 impl SamplingError {
     /// From the counts of a run, where `tolerance` was allowed; `None` where nothing was audited.
     #[doc(hidden)]
     pub fn of(tally: &Tally, tolerance: f64) -> Option<Self> {
         let Audit { silhouettes, unresolved, rest } = tally.audit;
         let of = |sums: AuditSums| {
-            let [squares, error] = sums.squares().map(|it| it / tally.patches as f64);
-            let rms = squares.max(0.0).sqrt();
-            AuditedError {
-                rms: tolerance * rms,
-                standard_error: tolerance * ((squares.max(0.0) + error).sqrt() - rms),
-                patches: sums.patches,
-            }
+            let square = sums.squares().map(|it| it / tally.patches as f64);
+            AuditedError::of(square, sums.patches, tolerance)
         };
         let all = of(tally.audit.all());
         (all.patches > 0).then(|| Self {

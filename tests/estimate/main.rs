@@ -64,6 +64,28 @@ fn rays_of_a_bumpy_ball_are_estimated_within_a_factor_of_two() {
     compare("estimate, ball (factor, as its logarithm)", &scenes::scene(&setup, &[ball], &OFFSETS));
 }
 
+/// The measured error of an estimate, of 64 patches, is that of a run whose every patch is audited, within three of its
+/// standard errors.
+#[test]
+fn the_error_of_sampling_is_that_of_a_run() {
+    let _alone = alone();
+    let ball = carbon(bumpy(1.5e-3, 4).moved([0.1e-3, 0.0, 0.2e-3]));
+    let mut scene = scenes::scene(&Setup::paper([48, 24]), &[ball], &[-20e-6, 0.0, 9e-6]);
+    scene.sampling.tolerance = Some(3e-3);
+    scene.sampling.audit = 1.0;
+    let engine = engine(Backend::Bvh);
+    let want = ran(&engine, &scene).sampling_error.expect("a measured error").all;
+    let report = Check::of(&scene).with_engine(&engine).run().expect("a report");
+    let estimate = report.work.estimate.expect("an estimate");
+    let got = estimate.sampling_error.expect("a measured error");
+    println!("measured audit of an estimate: {got:?} for {want:?}");
+    assert!(got.patches > 40 && got.patches <= 64, "{got:?}");
+    assert!(
+        want.rms > 1e-5 && (got.rms - want.rms).abs() < 3.0 * got.standard_error,
+        "{got:?} for {want:?}"
+    );
+}
+
 #[test]
 fn rays_of_views_that_differ_are_estimated_within_a_factor_of_two() {
     // A bundle seen from many sides, and a tall cylinder that is alike in all of them.

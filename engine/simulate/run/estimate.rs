@@ -1,5 +1,6 @@
 //! Estimated cost of a run.
 
+use beamlet_files::AuditedError;
 use serde::Serialize;
 
 /// Estimated cost of a run, from a sparse sample of its scene ([`crate::run::Simulation::estimate`]).
@@ -18,4 +19,6 @@ pub struct RunEstimate {
     pub cells_at_once: f64,
     /// Patches (beamlet and detector row) that were sampled for the estimate.
     pub patches_sampled: f64,
+    /// Measured error of sampling of some patches, by an audit of each; `None` where nothing is audited.
+    pub sampling_error: Option<AuditedError>,
 }

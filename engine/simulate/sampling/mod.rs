@@ -34,5 +34,5 @@ pub(crate) use response::{Landed, Opening, Response};
 pub use room::Room;
 pub(crate) use rows::{PATCHES_AT_ONCE, sample_rows};
 pub(crate) use sample_facets::{SampleFacets, SurfaceStep};
-pub(crate) use survey::{RowsCost, survey_rows};
+pub(crate) use survey::{RowsCost, count_patches, survey_rows};
 pub(crate) use view_context::ViewContext;

@@ -7,6 +7,7 @@ use super::view_context::ViewContext;
 use crate::lines::PatchPlaces;
 use crate::sampling::CellBatch;
 use crate::trace::Tracer;
+use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use std::ops::Range;
 use std::time::Instant;
@@ -104,6 +105,33 @@ pub(crate) fn survey_rows(
         cost.spent += spent;
     }
     Ok(cost)
+}
+
+/// Counts of at most `most` patches of some rows, spread as in [`survey_rows`]: of an audit, where the budget of `view` has
+/// one.
+///
+/// # Errors
+/// As [`Tracer::trace`].
+pub(crate) fn count_patches(
+    view: &ViewContext<'_>,
+    tracer: &mut Tracer,
+    rows: Range<i64>,
+    lit: &Range<i64>,
+    (most, start): (f64, f64),
+) -> Result<Tally> {
+    let places = PatchPlaces::new(view, rows.clone());
+    let of_row = |row: i64| view.lattice.beamlets.clone().map(move |beamlet| (beamlet, row));
+    let touched: Vec<_> =
+        rows.flat_map(of_row).filter(|(beamlet, row)| places.is_touched(*beamlet, *row)).collect();
+    let mut tally = Tally::default();
+    let mut add = |_: &mut Tracer, batch: CellBatch, _: Vec<(i64, i64)>| {
+        tally = tally + batch.tally;
+        Ok(())
+    };
+    let chosen = spread(&touched, most, start);
+    let ignored = &mut |_: &Tracer, _| {};
+    sample_patches(view, tracer, (&chosen, &places), (lit, &ROOM), &mut add, ignored)?;
+    Ok(tally)
 }
 
 /// At most `most` of some patches, evenly spread.

@@ -10,7 +10,7 @@ use crate::trace::Tracer;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::random::GOLDEN;
 use beamlet_core::{Result, numbers};
-use beamlet_files as stack;
+use beamlet_files::{self as stack, AuditedError};
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::{Exposure, Scheme};
 use std::collections::HashSet;
@@ -33,6 +33,9 @@ const FIRST_PATCHES: f64 = 64.0;
 const PATCHES: [f64; 2] = [16.0, 256.0];
 /// Seconds for them.
 const SECONDS_OF_A_LOOK: f64 = 0.15;
+/// Blocks of rows of which patches are audited, and patches of each.
+const AUDITED_BLOCKS: u32 = 8;
+const AUDITED_PATCHES: f64 = 8.0;
 /// Rows of the flat, or of random rays, that are timed.
 const TIMED_ROWS: i64 = 8;
 /// Times that the flat's are timed.
@@ -140,7 +143,48 @@ impl ViewWork<'_> {
             seconds: views * seconds + (views + 1.0) * blank,
             cells_at_once: cells_per_patch * patches.min(PATCHES_AT_ONCE as f64),
             patches_sampled: sampled,
+            sampling_error: self.audit()?,
         })
+    }
+
+    /// Measured error of sampling of some patches of recorded rows, spread over views and rows.
+    fn audit(&mut self) -> Result<Option<AuditedError>> {
+        // Sums of squared errors, in squared tolerances, and patches of each block.
+        let mut blocks: Vec<[f64; 2]> = Vec::new();
+        if self.simulation.sample.is_empty() {
+            return Ok(None);
+        }
+        for number in 0..AUDITED_BLOCKS {
+            let turn = (f64::from(number) * GOLDEN + 0.5).fract();
+            let pose = numbers::whole::<u32>(turn * self.view_count());
+            let projected_bounds = self.simulation.projected_bounds(pose);
+            let all = self.rows_of(&projected_bounds);
+            let [low, high] = [all.start.max(0), all.end.min(self.lit_rows_of_all())];
+            let first = low + numbers::whole::<i64>(turn * (high - low).max(0) as f64);
+            let rows = first..(first + ROWS).min(high);
+            if rows.is_empty() {
+                continue;
+            }
+            let band = self.begin_band(rows.start)?;
+            let Self { tracer, simulation, .. } = self;
+            let response = simulation.response(Exposure::Sample(simulation.view_of(pose)));
+            let mut view = simulation.pose_context(pose, &projected_bounds, &response);
+            view.budget.audit = 1.0;
+            let chosen = (AUDITED_PATCHES, turn);
+            let audited = sampling::count_patches(&view, tracer, rows, &band, chosen)?.audit.all();
+            if audited.patches > 0 {
+                blocks.push([audited.squares()[0], audited.patches as f64]);
+            }
+        }
+        let sum = |of: &dyn Fn(&[f64; 2]) -> f64| blocks.iter().map(of).sum::<f64>();
+        let (count, patches) = (blocks.len() as f64, sum(&|[_, patches]| *patches));
+        let square = sum(&|[squares, _]| *squares) / patches;
+        // Blocks differ by their patches, and by the places of rays.
+        let apart = sum(&|[squares, patches]| (squares - square * patches).powi(2));
+        let error = (apart * count / (count - 1.0)).sqrt() / patches;
+        let tolerance = self.simulation.budget.tolerance;
+        Ok((blocks.len() > 1)
+            .then(|| AuditedError::of([square, error], numbers::whole(patches), tolerance)))
     }
 
     /// Looks at rows of views, spread over both.
