@@ -39,8 +39,7 @@ pub(super) fn assemble(
         ));
     }
     let mut sample = Sample::default();
-    let number = numbers::count;
-    for ((body, name), note) in bodies.into_iter().zip(names).zip(notes) {
+    for ((mut body, name), note) in bodies.into_iter().zip(names).zip(notes) {
         // Of an object that vanishes, where it was.
         let vanished = body.components.is_empty();
         let bounds = if vanished { note.bounds } else { body.bounds() };
@@ -60,17 +59,35 @@ pub(super) fn assemble(
             cut_by: note.cut_by,
             hash: note.hash,
             defects: note.defects,
-            warnings: body.warnings,
+            warnings: std::mem::take(&mut body.warnings),
         });
-        let (vertex, component) = (number(sample.vertices.len()), number(sample.components.len()));
-        sample.vertices.extend(body.surface.vertices.iter().map(|vertex| vertex.to_array()));
-        sample
-            .triangles
-            .extend(body.surface.triangles.iter().map(|corners| corners.map(|it| it + vertex)));
-        sample.triangle_component.extend(body.triangle_component.iter().map(|it| it + component));
-        sample.components.extend(body.components);
+        sample.add_body(body);
     }
     sample.find_lids();
     groups.add_to(&mut sample);
     Ok(sample)
+}
+
+impl Sample {
+    /// Adds the surface and the components of a body.
+    pub(super) fn add_body(&mut self, body: Body) {
+        let component = numbers::count(self.components.len());
+        let Body { surface, triangle_component, components, .. } = body;
+        self.components.extend(components);
+        self.add_surface(surface.vertices, &surface.triangles, &triangle_component, component);
+    }
+
+    /// Adds a surface; `of`: the component of each triangle, counted from `component`.
+    pub(super) fn add_surface(
+        &mut self,
+        vertices: impl IntoIterator<Item = DVec3>,
+        triangles: &[[u32; 3]],
+        of: &[u32],
+        component: u32,
+    ) {
+        let vertex = numbers::count(self.vertices.len());
+        self.vertices.extend(vertices.into_iter().map(|vertex| vertex.to_array()));
+        self.triangles.extend(triangles.iter().map(|corners| corners.map(|it| it + vertex)));
+        self.triangle_component.extend(of.iter().map(|it| it + component));
+    }
 }

@@ -1,21 +1,21 @@
 //! Surfaces with many places, and analytic ones: kept once, with the places.
 
 mod around;
-mod assemble;
-mod distance;
-mod fate;
+mod contact;
 mod group;
-mod meeting;
-mod nesting;
-mod own;
+mod groups;
 mod partners;
 mod pipe;
 mod place;
 mod prototype;
+mod resolution;
 mod resolved;
+mod sample;
+mod solid;
+mod union;
 
 pub(crate) use group::Group;
-pub(crate) use nesting::Groups;
+pub(crate) use groups::Groups;
 pub(crate) use partners::Partners;
 pub use place::Place;
 pub use prototype::Prototype;
@@ -177,28 +177,16 @@ impl Sample {
                 all.triangle_component.push(*component);
             }
             if let Some(body) = resolved.get_mut(number as usize) {
-                let body = std::mem::replace(body, Body::empty());
-                let (vertex, component) =
-                    (numbers::count(all.vertices.len()), numbers::count(all.components.len()));
-                all.vertices.extend(body.surface.vertices.iter().map(DVec3::to_array));
-                let triangles = body.surface.triangles.iter();
-                all.triangles.extend(triangles.map(|corners| corners.map(|own| own + vertex)));
-                let of = body.triangle_component.iter();
-                all.triangle_component.extend(of.map(|own| own + component));
-                all.components.extend(body.components);
+                all.add_body(std::mem::replace(body, Body::empty()));
             }
             while let Some((at, it)) = placed.next_if(|it| object(it.1.component) == number) {
                 if is_resolved(at) {
                     continue;
                 }
                 let prototype = &self.prototypes[it.prototype as usize];
-                let vertex = numbers::count(all.vertices.len());
-                let vertices = prototype.vertices.iter();
-                all.vertices.extend(vertices.map(|own| it.place.world_from_own(*own).to_array()));
-                let triangles = prototype.triangles.iter();
-                all.triangles.extend(triangles.map(|corners| corners.map(|own| own + vertex)));
-                let components = prototype.triangle_component.iter();
-                all.triangle_component.extend(components.map(|own| own + it.component));
+                let vertices = prototype.vertices.iter().map(|own| it.place.world_from_own(*own));
+                let of = &prototype.triangle_component;
+                all.add_surface(vertices, &prototype.triangles, of, it.component);
             }
         }
         Cow::Owned(all)

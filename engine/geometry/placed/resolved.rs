@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Placed, Prototype, own};
+use super::{Placed, Prototype, union};
 use crate::Sample;
 use crate::body::Body;
 use crate::nesting::nest;
@@ -51,7 +51,7 @@ impl Sample {
             let at = number as usize;
             let body = &mut bodies[at];
             if overlap[at] {
-                let whole = own::united(surfaces, true, &names[at], Task::unwatched())?;
+                let whole = union::united(surfaces, true, &names[at], Task::unwatched())?;
                 body.replace(&[], std::iter::once((whole, None)), number);
             } else {
                 body.replace(&[], surfaces.into_iter().map(|it| (it, None)), number);

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::group::Group;
-use super::nesting::Groups;
+use super::groups::Groups;
 use super::{Partners, Placed};
 use crate::surface::bounds_of;
 use crate::{ObjectSummary, Sample};
@@ -24,7 +24,7 @@ impl Groups {
             first[number] = numbers::count(sample.placed.len());
             for (place, outside) in group.places.iter().zip(&self.outside[number]) {
                 let component = numbers::count(sample.components.len());
-                sample.components.extend(group.components(place, *outside));
+                sample.components.extend(group.solid(place).components(*outside));
                 sample.placed.push(Placed { prototype, component, place: *place });
             }
             sample.prototypes.push(group.prototype);

@@ -3,14 +3,10 @@
 //! Exact shapes that touch or overlap stay exact. Meshes that overlap are united, and instances wholly
 //! inside another one are left out.
 
-use glam::DVec3;
-
-use super::Place;
-use super::distance::Standing;
-use super::fate::Fate;
+use super::contact::Contact;
 use super::group::Group;
-use super::meeting::{are_apart, meets_place};
-use crate::overlap::{ClosedMesh, snap, tolerance};
+use super::resolution::Resolution;
+use crate::overlap::{ClosedMesh, snap};
 use crate::surface::{Surface, in_mm};
 use crate::topology::{self, join, labels};
 use beamlet_core::error::{Error, Result};
@@ -22,73 +18,28 @@ const MOST_UNITED: u64 = 4_000_000;
 /// More of them are refused.
 const TOO_MANY: u64 = 4 * MOST_UNITED;
 
-/// Share of the limit below which the distance of shapes is nothing but rounding.
-const LEAST_CLEARANCE: f64 = 1e-3;
-
-/// Contact of two instances of one object.
-#[derive(Clone, Copy, PartialEq)]
-pub(super) enum Clash {
-    Overlap,
-    /// The first one lies in the other.
-    Inside,
-    /// The other way round.
-    Around,
-}
-
-/// Contact of two places of a group; `None` if they are disjoint, or touch and can stay.
-pub(super) fn clash(
-    group: &Group,
-    [place, there]: [&Place; 2],
-    bounds: [[DVec3; 2]; 2],
-) -> Option<Clash> {
-    let limit = tolerance(bounds[0], bounds[1]);
-    if are_apart((group, place), (group, there), limit)
-        || touch_at_most([(group, place), (group, there)], limit)
-    {
-        return None;
-    }
-    if meets_place((group, place), (group, there), bounds) {
-        return Some(Clash::Overlap);
-    }
-    let found = if group.contains(there, group.point(place)) {
-        Clash::Inside
-    } else if group.contains(place, group.point(there)) {
-        Clash::Around
-    } else {
-        return None;
-    };
-    // Parts of a mesh may lie in another instance, and others of it beside that.
-    Some(if group.prototype.components.len() == 1 { found } else { Clash::Overlap })
-}
-
-/// Test of exact shapes that lie apart, or at most twice a limit deep in each other.
-pub(super) fn touch_at_most(both: [(&Group, &Place); 2], limit: f64) -> bool {
-    let inset =
-        |(group, place): (&Group, &Place)| group.prototype.inset(limit / place.least_scale());
-    let [Some(own), Some(other)] = both.map(inset) else { return false };
-    let [first, second] = [(&own, both[0].1), (&other, both[1].1)]
-        .map(|(prototype, place)| Standing { prototype, place });
-    // At the end of the angles at which tubes cross another surface the least distance is barely above 0.
-    first.clearance_of(&second).is_some_and(|least| least > LEAST_CLEARANCE * limit)
-}
-
-/// Decides about members that clash, by their numbers; gives the pairs that overlap.
-pub(super) fn settle(clashes: &[([u32; 2], Clash)], fates: &mut [Fate]) -> Vec<[u32; 2]> {
-    for ([first, second], clash) in clashes {
-        match clash {
-            Clash::Inside => fates[*first as usize] = Fate::Inside,
-            Clash::Around => fates[*second as usize] = Fate::Inside,
-            Clash::Overlap => {}
+/// Resolves contacts of members, by their numbers; gives the pairs that overlap.
+pub(super) fn settle(
+    contacts: &[([u32; 2], Contact)],
+    resolutions: &mut [Resolution],
+) -> Vec<[u32; 2]> {
+    for ([first, second], contact) in contacts {
+        match contact {
+            Contact::Inside => resolutions[*first as usize] = Resolution::Redundant,
+            Contact::Around => resolutions[*second as usize] = Resolution::Redundant,
+            Contact::Overlap => {}
         }
     }
-    let gone = |it: &u32| matches!(fates[*it as usize], Fate::Inside | Fate::Covered(_));
-    let pairs: Vec<[u32; 2]> = clashes
+    let gone = |it: &u32| {
+        matches!(resolutions[*it as usize], Resolution::Redundant | Resolution::Covered(_))
+    };
+    let pairs: Vec<[u32; 2]> = contacts
         .iter()
-        .filter(|(pair, clash)| *clash == Clash::Overlap && !pair.iter().any(gone))
+        .filter(|(pair, contact)| *contact == Contact::Overlap && !pair.iter().any(gone))
         .map(|it| it.0)
         .collect();
     for member in pairs.iter().flatten() {
-        fates[*member as usize] = Fate::Joins;
+        resolutions[*member as usize] = Resolution::Meshed;
     }
     pairs
 }

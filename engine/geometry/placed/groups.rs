@@ -9,11 +9,11 @@ use std::collections::BTreeSet;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::Place;
-use super::fate::Fate;
+use super::contact::{Contact, contact, intersect};
 use super::group::Group;
-use super::meeting::{meets_body, meets_place};
-use super::own::{self, Clash, clash};
+use super::resolution::Resolution;
+use super::solid::Solid;
+use super::union;
 use crate::body::Body;
 use crate::search::Search;
 use crate::surface::{Surface, bounds_of, corners_of, near};
@@ -73,7 +73,7 @@ struct Met {
     /// Surfaces that it cannot cross as it is: it joins the mesh of its object.
     joins: bool,
     /// Later members of its group.
-    clashes: Vec<(u32, Clash)>,
+    contacts: Vec<(u32, Contact)>,
     /// Exact shapes that follow it among the members, where both are exact.
     crosses: Vec<u32>,
 }
@@ -125,10 +125,10 @@ impl Groups {
             false => Ok(field.met_by(*member, &boxed)),
         };
         let found: Vec<Met> = field.members.par_iter().map(met).collect::<Result<_>>()?;
-        let clashes: Vec<([u32; 2], Clash)> = (0..)
+        let contacts: Vec<([u32; 2], Contact)> = (0..)
             .zip(&found)
             .flat_map(|(member, met)| {
-                met.clashes.iter().map(move |(other, clash)| ([member, *other], *clash))
+                met.contacts.iter().map(move |(other, contact)| ([member, *other], *contact))
             })
             .collect();
         let crossing: Vec<[u32; 2]> = (0..)
@@ -136,34 +136,36 @@ impl Groups {
             .flat_map(|(member, met)| met.crosses.iter().map(move |other| [member, *other]))
             .collect();
         let partners = partners_of(found.len(), &crossing);
-        let fate = |(member, met): (&Member, &Met)| match met.joins {
-            true => Fate::Joins,
-            false => field.stands(*member, &boxed, &partners[member.number as usize]),
+        let resolution = |(member, met): (&Member, &Met)| match met.joins {
+            true => Resolution::Meshed,
+            false => field.resolve(*member, &boxed, &partners[member.number as usize]),
         };
-        let mut fates: Vec<Fate> = field.members.par_iter().zip(&found).map(fate).collect();
-        let mut overlapping = own::settle(&clashes, &mut fates);
-        field.around_earlier(bodies, &mut fates, &partners);
-        let fate_of = |member: u32| fates[member as usize];
+        let mut resolutions: Vec<Resolution> =
+            field.members.par_iter().zip(&found).map(resolution).collect();
+        let mut overlapping = union::settle(&contacts, &mut resolutions);
+        field.around_earlier(bodies, &mut resolutions, &partners);
+        let resolution_of = |member: u32| resolutions[member as usize];
         overlapping.extend(crossing.iter().filter(|pair| {
             let [a, b] = pair.map(|it| field.members[it as usize].group);
-            a == b && pair.map(fate_of) == [Fate::Joins; 2]
+            a == b && pair.map(resolution_of) == [Resolution::Meshed; 2]
         }));
-        let standing =
-            |pair: &&[u32; 2]| pair.iter().all(|it| matches!(fate_of(*it), Fate::Stands(_)));
+        let standing = |pair: &&[u32; 2]| {
+            pair.iter().all(|it| matches!(resolution_of(*it), Resolution::Kept(_)))
+        };
         let crossing: Vec<[u32; 2]> = crossing.iter().filter(standing).copied().collect();
-        let overlaps = field.overlaps(&crossing, &fates);
-        let numbers = field.numbers_of_standing(&fates);
-        let mut settled: Vec<Vec<Fate>> =
+        let overlaps = field.overlaps(&crossing, &resolutions);
+        let numbers = field.numbers_of_standing(&resolutions);
+        let mut settled: Vec<Vec<Resolution>> =
             groups.iter().map(|group| Vec::with_capacity(group.places.len())).collect();
-        for (member, fate) in field.members.iter().zip(fates) {
-            settled[member.group as usize].push(fate);
+        for (member, resolution) in field.members.iter().zip(resolutions) {
+            settled[member.group as usize].push(resolution);
         }
         drop(field);
         let crossing = crossing.iter().map(|pair| pair.map(|it| numbers[it as usize])).collect();
         let mut this = Self { overlaps, crossing, ..Self::default() };
         let mut first = 0;
-        for (group, fates) in groups.into_iter().zip(settled) {
-            let count = numbers::count(fates.len());
+        for (group, resolutions) in groups.into_iter().zip(settled) {
+            let count = numbers::count(resolutions.len());
             let pairs: Vec<[u32; 2]> = overlapping
                 .iter()
                 .filter(|pair| (first..first + count).contains(&pair[0]))
@@ -173,7 +175,7 @@ impl Groups {
             let clean = defects[group.object as usize].is_none();
             let name = &names[group.object as usize];
             let body = &mut bodies[group.object as usize];
-            this.add(group, &fates, body, &pairs, (clean, name), task)?;
+            this.add(group, &resolutions, body, &pairs, (clean, name), task)?;
         }
         Ok(this)
     }
@@ -192,24 +194,27 @@ impl Groups {
         }
     }
 
-    /// Adds a group whose places have these fates; `pairs` of them overlap.
+    /// Adds a group whose places have these resolutions; `pairs` of them overlap.
     fn add(
         &mut self,
         mut group: Group,
-        fates: &[Fate],
+        resolutions: &[Resolution],
         body: &mut Body,
         pairs: &[[u32; 2]],
         (clean, name): (bool, &str),
         task: Task<'_>,
     ) -> Result<()> {
-        let count = |is: fn(&&Fate) -> bool| fates.iter().filter(is).count();
-        self.covered.push(count(|it| matches!(it, Fate::Covered(_))));
-        self.inner.push(count(|it| **it == Fate::Inside));
-        let joins: Vec<u32> =
-            (0..).zip(fates).filter(|it| *it.1 == Fate::Joins).map(|it| it.0).collect();
-        let clusters = own::clusters(&joins, pairs);
+        let count = |is: fn(&&Resolution) -> bool| resolutions.iter().filter(is).count();
+        self.covered.push(count(|it| matches!(it, Resolution::Covered(_))));
+        self.inner.push(count(|it| **it == Resolution::Redundant));
+        let joins: Vec<u32> = (0..)
+            .zip(resolutions)
+            .filter(|it| *it.1 == Resolution::Meshed)
+            .map(|it| it.0)
+            .collect();
+        let clusters = union::clusters(&joins, pairs);
         let united = clusters.iter().filter(|it| it.len() > 1).map(Vec::len).sum();
-        let most = own::most_facets(&group, united, name)?;
+        let most = union::most_facets(&group, united, name)?;
         let mut off = 0.0_f64;
         for cluster in clusters {
             let mut surfaces = Vec::with_capacity(cluster.len());
@@ -225,26 +230,26 @@ impl Groups {
                     prototype.vertices.iter().map(|it| place.world_from_own(*it)).collect();
                 let surface = Surface::new(vertices, prototype.triangles.clone());
                 if cluster.len() == 1 {
-                    let components = group.components(place, None).collect();
+                    let components = group.solid(place).components(None).collect();
                     body.add(surface, &prototype.triangle_component, components);
                 } else {
                     surfaces.push(surface);
                 }
             }
             if !surfaces.is_empty() {
-                let whole = own::united(surfaces, clean, name, task)?;
+                let whole = union::united(surfaces, clean, name, task)?;
                 let kept = vec![false; body.components.len()];
                 body.replace(&kept, std::iter::once((whole, None)), group.object);
             }
         }
         self.joined.push((joins.len(), off));
-        let stands = |fate: &Fate| match fate {
-            Fate::Stands(outside) => Some(*outside),
+        let stands = |it: &Resolution| match it {
+            Resolution::Kept(outside) => Some(*outside),
             _ => None,
         };
-        let mut kept = fates.iter().map(|fate| stands(fate).is_some());
+        let mut kept = resolutions.iter().map(|it| stands(it).is_some());
         group.places.retain(|_| kept.next().unwrap_or_default());
-        self.outside.push(fates.iter().filter_map(stands).collect());
+        self.outside.push(resolutions.iter().filter_map(stands).collect());
         self.all.push(group);
         Ok(())
     }
@@ -284,9 +289,9 @@ impl<'a> Field<'a> {
         Self { groups, members, tree }
     }
 
-    pub(super) fn of(&self, member: Member) -> (&'a Group, &'a Place) {
+    pub(super) fn solid(&self, member: Member) -> Solid<'a> {
         let group = &self.groups[member.group as usize];
-        (group, &group.places[member.place as usize])
+        group.solid(&group.places[member.place as usize])
     }
 
     /// Objects whose places are around a body, of which this is a point, and which holds these bounds; `except`
@@ -300,9 +305,9 @@ impl<'a> Field<'a> {
     ) -> impl Iterator<Item = u32> {
         let mut objects = Vec::new();
         self.tree.around(bounds, |other| {
-            let (group, place) = self.of(self.members[other as usize]);
-            if group.object != object && !except.contains(&other) && group.contains(place, point) {
-                objects.push(group.object);
+            let solid = self.solid(self.members[other as usize]);
+            if solid.object != object && !except.contains(&other) && solid.contains(point) {
+                objects.push(solid.object);
             }
         });
         objects.into_iter()
@@ -310,22 +315,23 @@ impl<'a> Field<'a> {
 
     /// Surfaces that a member intersects.
     fn met_by(&self, member: Member, bodies: &[Boxed<'_>]) -> Met {
-        let (group, place) = self.of(member);
+        let solid = self.solid(member);
         let joins = (0..).zip(bodies).any(|(object, body)| {
             let is_near = near(member.bounds, body.bounds, 0.0);
-            object != group.object && is_near && meets_body(group, place, member.bounds, body)
+            object != solid.object && is_near && solid.intersects_body(member.bounds, body)
         });
         let mut met = Met { joins, ..Met::default() };
         // Boxes of long parallel fibres in a direction of their own overlap by the thousands.
-        let alone = group.apart && self.groups.len() == 1;
+        let apart = self.groups[member.group as usize].apart;
+        let alone = apart && self.groups.len() == 1;
         let bounds = if alone { bounds_of(std::iter::empty()) } else { member.bounds };
         self.tree.within(bounds, |other| {
             let it = self.members[other as usize];
             let same = it.group == member.group;
-            let (others, there) = self.of(it);
-            let exact = [group, others].iter().all(|it| it.prototype.shape.is_some());
+            let both = [solid, self.solid(it)];
+            let exact = both.iter().all(Solid::is_exact);
             let known = match (same, exact) {
-                (true, _) => group.apart || it.place <= member.place,
+                (true, _) => apart || it.place <= member.place,
                 (false, true) => it.number <= member.number,
                 (false, false) => met.joins,
             };
@@ -334,11 +340,11 @@ impl<'a> Field<'a> {
             }
             let bounds = [member.bounds, it.bounds];
             if same {
-                match clash(group, [place, there], bounds) {
-                    Some(Clash::Overlap) if exact => met.crosses.push(other),
-                    found => met.clashes.extend(found.map(|it| (other, it))),
+                match contact(both, bounds) {
+                    Some(Contact::Overlap) if exact => met.crosses.push(other),
+                    found => met.contacts.extend(found.map(|it| (other, it))),
                 }
-            } else if meets_place((group, place), (others, there), bounds) {
+            } else if intersect(both, bounds) {
                 if exact { met.crosses.push(other) } else { met.joins = true }
             }
         });
@@ -346,14 +352,14 @@ impl<'a> Field<'a> {
     }
 
     /// Group of each member, and its number among the kept places of the group.
-    fn numbers_of_standing(&self, fates: &[Fate]) -> Vec<[u32; 2]> {
+    fn numbers_of_standing(&self, resolutions: &[Resolution]) -> Vec<[u32; 2]> {
         let mut next = vec![0; self.groups.len()];
-        let number = |(member, fate): (&Member, &Fate)| {
+        let number = |(member, resolution): (&Member, &Resolution)| {
             let next = &mut next[member.group as usize];
             let number = *next;
-            *next += u32::from(matches!(fate, Fate::Stands(_)));
+            *next += u32::from(matches!(resolution, Resolution::Kept(_)));
             [member.group, number]
         };
-        self.members.iter().zip(fates).map(number).collect()
+        self.members.iter().zip(resolutions).map(number).collect()
     }
 }
