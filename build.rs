@@ -171,7 +171,7 @@ fn compile(
 ) -> Result<Vec<u32>, String> {
     let path = Path::new(folder).join(file);
     let text = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-    let source = ShaderSource::from(with_defines(&path, &text, defines)?);
+    let source = ShaderSource::from(with_defines(&path, &text, defines));
     let options = CompilerOptions {
         source_language: SourceLanguage::GLSL,
         target: Target::Vulkan {
@@ -190,18 +190,19 @@ fn compile(
         .map_err(|error| readable(&error))
 }
 
-/// Puts the macros behind the `#version` line; `#line` keeps file and line of later messages.
-fn with_defines(path: &Path, text: &str, defines: &[(&str, &str)]) -> Result<String, String> {
-    let version = text
-        .lines()
-        .position(|line| line.starts_with("#version"))
-        .ok_or_else(|| format!("{}: no #version line", path.display()))?;
-    let mut lines: Vec<String> = text.lines().take(version + 1).map(str::to_owned).collect();
-    lines.push("#extension GL_GOOGLE_include_directive : require".into());
-    lines.extend(defines.iter().map(|(name, value)| format!("#define {name} {value}")));
-    lines.push(format!("#line {} \"{}\"", version + 2, path.display()));
-    lines.extend(text.lines().skip(version + 1).map(str::to_owned));
-    Ok(lines.join("\n") + "\n")
+/// The beginning of every shader.
+const HEAD: &str = "#version 460
+#extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_buffer_reference : require
+#extension GL_EXT_buffer_reference2 : require
+#extension GL_EXT_buffer_reference_uvec2 : require
+#extension GL_EXT_scalar_block_layout : require
+";
+
+/// Puts head and macros before a shader; `#line` keeps file and line of later messages.
+fn with_defines(path: &Path, text: &str, defines: &[(&str, &str)]) -> String {
+    let macros = defines.iter().map(|(name, value)| format!("#define {name} {value}\n"));
+    format!("{HEAD}{}#line 1 \"{}\"\n{text}", macros.collect::<String>(), path.display())
 }
 
 /// The messages of glslang, one per line, as `file:line: message`.

@@ -1,12 +1,6 @@
-#version 460
 // Traces listed rays exactly, with refraction or total reflection at every surface: crossings of the
 // straight ray are gathered and sorted, then the bent ray is refracted at one after another
 // (docs/developers/numerics.md, "Exact transport").
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
 #ifdef BACKEND_RAY_QUERY
 #extension GL_EXT_ray_query : require

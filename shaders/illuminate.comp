@@ -1,13 +1,7 @@
-#version 460
 // Light of cells: one invocation per part of a cell row and some mask steps integrates every cell over the
 // sample mask, the focal spot, the detector mask and the pixels (docs/developers/numerics.md, "Cells").
 // With FAR light may land in rows other than its own and the two beside it; with HEIGHTS apertures end along z,
 // too: a strip of the sample mask at a time.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

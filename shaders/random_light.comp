@@ -1,10 +1,4 @@
-#version 460
 // Light of random rays: one invocation per share of the rays of a pixel in a batch, and some mask steps.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

@@ -1,10 +1,4 @@
-#version 460
 // Traces a list of rays to first order: moments, and their result at one energy.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
 #ifdef BACKEND_RAY_QUERY
 #extension GL_EXT_ray_query : require

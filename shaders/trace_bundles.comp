@@ -1,11 +1,5 @@
-#version 460
 // As trace.comp, for devices with small subgroups: the rays of a subgroup walk the software BVH
 // as one bundle (walk/bundle.glsl). Rays in an order that keeps neighbours together gain most.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_control_flow_attributes : require
 #extension GL_KHR_shader_subgroup_shuffle : require
 #include "interface.glsl"

@@ -1,11 +1,5 @@
-#version 460
 // Vectors of an iterative method, value by value. A workgroup has a chunk of them, whose values its
 // threads take in turn.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

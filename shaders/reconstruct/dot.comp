@@ -1,13 +1,7 @@
-#version 460
 // Scalar products of chunks of two vectors, as sums of two f32 each. A workgroup has a chunk; its threads
 // sum in a fixed order, and their sums are added pair by pair, so that no bit depends on the scheduling.
 // Values are divided by powers of two near the largest of the chunk first: squares of small values lie
 // beyond the range of f32.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

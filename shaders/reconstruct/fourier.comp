@@ -1,12 +1,6 @@
-#version 460
 // Discrete Fourier transforms of planes, pass by pass (Stockham), and the filter 1/|k|. Two planes of a
 // volume are the real and the imaginary part of one of complex numbers: a real filter that is even keeps
 // them apart.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

@@ -1,11 +1,5 @@
-#version 460
 // The transpose of project.comp: one thread a voxel gathers from the rays that count it, views, columns
 // and rows in order.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

@@ -1,11 +1,5 @@
-#version 460
 // Integrals of a volume along rays by Joseph's method, where each view has a motion of its own: one
 // thread a ray; planes of the volume in order, in each the slices in order.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

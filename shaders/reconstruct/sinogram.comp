@@ -1,12 +1,6 @@
-#version 460
 // Values of a sinogram, of sums along rays in slices: times the path from slice to slice, and differences
 // of neighbours where the data are refraction angles. BACK: the transpose. Sums of two f32 keep the digits
 // that a difference of neighbours loses.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

@@ -1,11 +1,5 @@
-#version 460
 // Fits a Gaussian on a background to the illumination curve of every pixel: Levenberg-Marquardt
 // in f32, then Newton's steps with twofold residuals down to the f64 optimum.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

@@ -1,12 +1,6 @@
-#version 460
 // Light of a line of rays in the pixels of its beamlet, at all mask steps: products of pairs of rays at each
 // shear, summed along x, make the transform of the intensity at the frequency of the shear (docs/waves.md). A
 // workgroup has a line and some steps and pixels.
-#extension GL_GOOGLE_include_directive : require
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_buffer_reference2 : require
-#extension GL_EXT_buffer_reference_uvec2 : require
-#extension GL_EXT_scalar_block_layout : require
 #include "interface.glsl"
 
 layout(local_size_x = GROUP) in;

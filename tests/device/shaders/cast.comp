@@ -1,7 +1,4 @@
-#version 460
 // Casts a reference to its own type, as no kernel may.
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_scalar_block_layout : require
 
 layout(local_size_x = 1) in;
 

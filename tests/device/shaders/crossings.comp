@@ -1,7 +1,4 @@
-#version 460
 // Counts the crossings of parallel rays along +y with an acceleration structure given by address.
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_scalar_block_layout : require
 #extension GL_EXT_ray_query : require
 
 layout(local_size_x = 64) in;

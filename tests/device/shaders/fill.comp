@@ -1,7 +1,4 @@
-#version 460
 // Writes a counted pattern through a device address.
-#extension GL_EXT_buffer_reference : require
-#extension GL_EXT_scalar_block_layout : require
 
 #ifndef FACTOR
 #define FACTOR 1
