@@ -3,66 +3,22 @@
 
 use beamlet_core::interpolation::log_log;
 
-/// Energy, keV, and mass energy-absorption coefficient of dry air, cm2/g.
-const AIR: [(f64, f64); 28] = [
-    (1.0, 3599.0),
-    (1.5, 1188.0),
-    (2.0, 526.2),
-    (3.0, 161.4),
-    (3.2029, 133.0),
-    (3.20291, 146.0),
-    (4.0, 76.36),
-    (5.0, 39.31),
-    (6.0, 22.7),
-    (8.0, 9.446),
-    (10.0, 4.742),
-    (15.0, 1.334),
-    (20.0, 0.5389),
-    (30.0, 0.1537),
-    (40.0, 0.06833),
-    (50.0, 0.04098),
-    (60.0, 0.03041),
-    (80.0, 0.02407),
-    (100.0, 0.02325),
-    (150.0, 0.02496),
-    (200.0, 0.02672),
-    (300.0, 0.02872),
-    (400.0, 0.02949),
-    (500.0, 0.02966),
-    (600.0, 0.02953),
-    (800.0, 0.02882),
-    (1000.0, 0.02789),
-    (1250.0, 0.02666),
+/// Energy, keV, and mass energy-absorption coefficient of dry air, cm2/g, in turn.
+const AIR: [f64; 56] = [
+    1.0, 3599.0, 1.5, 1188.0, 2.0, 526.2, 3.0, 161.4, 3.2029, 133.0, 3.20291, 146.0, 4.0, 76.36,
+    5.0, 39.31, 6.0, 22.7, 8.0, 9.446, 10.0, 4.742, 15.0, 1.334, 20.0, 0.5389, 30.0, 0.1537, 40.0,
+    0.06833, 50.0, 0.04098, 60.0, 0.03041, 80.0, 0.02407, 100.0, 0.02325, 150.0, 0.02496, 200.0,
+    0.02672, 300.0, 0.02872, 400.0, 0.02949, 500.0, 0.02966, 600.0, 0.02953, 800.0, 0.02882,
+    1000.0, 0.02789, 1250.0, 0.02666,
 ];
 
-/// Energy, keV, and mass energy-absorption coefficient of liquid water, cm2/g.
-const WATER: [(f64, f64); 26] = [
-    (1.0, 4065.0),
-    (1.5, 1372.0),
-    (2.0, 615.2),
-    (3.0, 191.7),
-    (4.0, 81.91),
-    (5.0, 41.88),
-    (6.0, 24.05),
-    (8.0, 9.915),
-    (10.0, 4.944),
-    (15.0, 1.374),
-    (20.0, 0.5503),
-    (30.0, 0.1557),
-    (40.0, 0.06947),
-    (50.0, 0.04223),
-    (60.0, 0.0319),
-    (80.0, 0.02597),
-    (100.0, 0.02546),
-    (150.0, 0.02764),
-    (200.0, 0.02967),
-    (300.0, 0.03192),
-    (400.0, 0.03279),
-    (500.0, 0.03299),
-    (600.0, 0.03284),
-    (800.0, 0.03206),
-    (1000.0, 0.03103),
-    (1250.0, 0.02965),
+/// The same of liquid water.
+const WATER: [f64; 52] = [
+    1.0, 4065.0, 1.5, 1372.0, 2.0, 615.2, 3.0, 191.7, 4.0, 81.91, 5.0, 41.88, 6.0, 24.05, 8.0,
+    9.915, 10.0, 4.944, 15.0, 1.374, 20.0, 0.5503, 30.0, 0.1557, 40.0, 0.06947, 50.0, 0.04223,
+    60.0, 0.0319, 80.0, 0.02597, 100.0, 0.02546, 150.0, 0.02764, 200.0, 0.02967, 300.0, 0.03192,
+    400.0, 0.03279, 500.0, 0.03299, 600.0, 0.03284, 800.0, 0.03206, 1000.0, 0.03103, 1250.0,
+    0.02965,
 ];
 
 /// A material whose energy absorption is tabulated.
@@ -89,12 +45,12 @@ impl Absorbing {
     /// two or last two rows beyond them.
     #[must_use]
     pub fn per_mass(self, energy: f64) -> f64 {
-        let table: &[(f64, f64)] = match self {
-            Self::Air => &AIR,
-            Self::Water => &WATER,
+        let table: &[[f64; 2]] = match self {
+            Self::Air => AIR.as_chunks().0,
+            Self::Water => WATER.as_chunks().0,
         };
-        let above = table.partition_point(|row| row.0 < energy).clamp(1, table.len() - 1);
-        log_log(energy, table[above - 1].into(), table[above].into())
+        let above = table.partition_point(|row| row[0] < energy).clamp(1, table.len() - 1);
+        log_log(energy, table[above - 1], table[above])
     }
 }
 
@@ -108,7 +64,8 @@ mod tests {
     #[test]
     fn water_is_to_air_as_its_electrons_and_varies_slowly() {
         let ratio = |energy| Absorbing::Water.per_mass(energy) / Absorbing::Air.per_mass(energy);
-        for [low, high] in WATER.windows(2).map(|rows| [rows[0].0, rows[1].0]) {
+        for [low, high] in WATER.as_chunks::<2>().0.windows(2).map(|rows| [rows[0][0], rows[1][0]])
+        {
             let step = ratio(high) / ratio(low) - 1.0;
             assert!(step.abs() < 0.03 || low < 4.0, "{low} to {high} keV: {step}");
         }
