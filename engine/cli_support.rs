@@ -20,7 +20,7 @@ pub mod printed {
 pub mod options {
     pub use beamlet_core::options::{
         Choice, Hyphens, Keyword, Need, OptionValue, Options, Refusal, Relation, Row, Word,
-        keywords, literals, page_rows, typed_dict,
+        form_rows, keywords, literals, page_rows, typed_dict,
     };
     pub use beamlet_recon::reconstruct::{Centre, ReconstructArguments};
     pub use beamlet_recon::retrieve::{Offsets, RetrieveArguments};

@@ -12,5 +12,5 @@ pub use kinds::{
     PATHS, POSITIVE_COUNT, Refusal, SWITCH, TEXTS, WHOLE, Word, any_length, choice, choices,
     numbers_of, words_of,
 };
-pub use python::{Keyword, keywords, literals, page_rows, python_words, typed_dict};
+pub use python::{Keyword, form_rows, keywords, literals, page_rows, python_words, typed_dict};
 pub use table::{Need, Options, Relation, Row};

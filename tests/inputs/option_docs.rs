@@ -3,8 +3,8 @@
 
 use beamlet::IdealOptions;
 use beamlet::cli_support::options::{
-    Need, OptionValue, Options, ReconstructArguments, RetrieveArguments, keywords, literals,
-    page_rows, typed_dict,
+    Need, OptionValue, Options, ReconstructArguments, RetrieveArguments, form_rows, keywords,
+    literals, page_rows, typed_dict,
 };
 
 const PAGE: &str = "docs/python.md";
@@ -41,8 +41,8 @@ fn module() -> String {
 fn page(page: &str) -> String {
     let mut out = page.to_owned();
     for (verb, table) in [
-        ("retrieve", page_rows(&keywords::<RetrieveArguments>())),
-        ("reconstruct", page_rows(&keywords::<ReconstructArguments>())),
+        ("retrieve", form_rows(&keywords::<RetrieveArguments>())),
+        ("reconstruct", form_rows(&keywords::<ReconstructArguments>())),
         ("ideal", page_rows(&keywords::<IdealOptions>())),
     ] {
         let mark = format!("<!-- keywords of {verb} -->\n");

@@ -14,6 +14,8 @@ pub struct Keyword {
     pub default: String,
     /// Meaning and default, without a full stop.
     pub doc: String,
+    /// Form of its value, where Python has one of its own.
+    pub form: Option<&'static str>,
     /// True if functions declare it as a parameter.
     pub is_declared: bool,
     /// True if it belongs to measured stacks: it needs `flat`.
@@ -39,7 +41,8 @@ fn keyword<T>(row: &Row<T>) -> Keyword {
     for word in (row.form.words)().iter().filter(|word| !word.help.is_empty()) {
         let _ = write!(doc, "; ``{}``: {}", word.name, python_words(word.help));
     }
-    if let Some(form) = row.form.python_form() {
+    let form = row.form.python_form();
+    if let Some(form) = form {
         let _ = write!(doc, "; given as {form}");
     }
     if let Need::Without(words) = row.need
@@ -52,6 +55,7 @@ fn keyword<T>(row: &Row<T>) -> Keyword {
         python,
         default,
         doc,
+        form,
         is_declared: row.is(Relation::Position) || row.is(Relation::Declared),
         is_measured: row.needs().contains(&"flat"),
     }
@@ -99,14 +103,24 @@ pub fn literals<T: Options>() -> String {
     out
 }
 
-/// Rows of a table of keywords in Markdown.
+/// A table of keywords in Markdown with their meanings.
 #[must_use]
 pub fn page_rows(keywords: &[Keyword]) -> String {
-    let mut out = String::from("| argument | type | default | meaning |\n|---|---|---|---|\n");
+    table(keywords, "meaning", |it| &it.doc)
+}
+
+/// A table of keywords in Markdown with the forms of their values: docs/cli.md has the meanings.
+#[must_use]
+pub fn form_rows(keywords: &[Keyword]) -> String {
+    table(keywords, "given as", |it| it.form.unwrap_or_default())
+}
+
+fn table(keywords: &[Keyword], last: &str, text: fn(&Keyword) -> &str) -> String {
+    let mut out = format!("| argument | type | default | {last} |\n|---|---|---|---|\n");
     for it in keywords {
-        let [python, doc] = [&it.python, &it.doc].map(|text| text.replace('|', "\\|"));
-        let doc = doc.replace("``", "`");
-        let _ = writeln!(out, "| `{}` | `{python}` | `{}` | {doc} |", it.name, it.default);
+        let [python, text] = [it.python.as_str(), text(it)].map(|text| text.replace('|', "\\|"));
+        let text = text.replace("``", "`");
+        let _ = writeln!(out, "| `{}` | `{python}` | `{}` | {text} |", it.name, it.default);
     }
     out
 }

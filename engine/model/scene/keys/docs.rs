@@ -139,6 +139,7 @@ fn default(row: &Row, spec: &Spec) -> String {
             others.sort_by_key(|head| spec.rows.iter().position(|row| row.name == *head));
             match others.iter().filter(|head| **head != row.name).collect::<Vec<_>>().as_slice() {
                 [other] => format!("required without {}", quoted(other)),
+                many if many.len() > 7 => "one of these".into(),
                 _ => format!("one of {}", others.iter().map(quoted).collect::<Vec<_>>().join(", ")),
             }
         }
