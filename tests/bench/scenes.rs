@@ -1,4 +1,4 @@
-//! The five scenes of the tracing benchmark, and their rays: the same for every tracer.
+//! The five scenes of the tracing benchmark, and their rays.
 
 #![allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small counts")]
 

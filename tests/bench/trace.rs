@@ -1,9 +1,7 @@
 //! Tracing alone on five scenes: million rays per second of processor time (all cores), all
-//! crossings of each ray. `--export DIR` writes triangles, rays, crossings per ray and rates for
-//! the peers in tests/peers/.
+//! crossings of each ray.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, reason = "a benchmark stops at the first fault")]
-#![allow(clippy::cast_possible_truncation, reason = "coordinates go to the peers as f32")]
 #![allow(clippy::print_stdout, reason = "a table is the result")]
 
 mod scenes;
@@ -12,9 +10,7 @@ use beamlet::internals::gpu::{Device, DeviceOptions, shaders};
 use beamlet::internals::trace::{DeviceSample, MaterialTable, Ray, TraceKernels, Tracer};
 use beamlet::scene::{Scene, Transport};
 use beamlet::{Backend, geometry};
-use std::fmt::Write;
 use std::fs;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -26,22 +22,14 @@ const ATTEMPTS: u32 = 3;
 const LEAST: Duration = Duration::from_millis(1000);
 
 fn main() {
-    let arguments: Vec<String> = std::env::args().collect();
-    let export = arguments.iter().position(|a| a == "--export").map(|i| arguments[i + 1].clone());
     println!(
         "{:16}{:>12}{:>12}{:>12}{:>12}{:>12}",
         "scene", "triangles", "crossings", "per ray", "bvh", "ray-query"
     );
-    let mut table = String::new();
     for name in scenes::NAMES {
         let soup = scenes::soup(name);
         let rays = scenes::rays(name, SIDE);
         let triangles = soup.1.len();
-        let stem = name.replace([' ', ','], "");
-        let place = export.as_ref().map(|folder| Path::new(folder).join(&stem));
-        if let Some(place) = &place {
-            write(place, &soup, &rays);
-        }
         let scene = scenes::scene(soup);
         let mut counts: Option<Vec<u32>> = None;
         let mut rates = [0.0; 2];
@@ -59,13 +47,6 @@ fn main() {
         let per_ray = crossings as f64 / rays.len() as f64;
         let [bvh, query] = rates;
         println!("{name:16}{triangles:>12}{crossings:>12}{per_ray:>12.2}{bvh:>12.3}{query:>12.3}");
-        writeln!(table, "{stem}\t{crossings}\t{bvh:.4}\t{query:.4}").unwrap();
-        if let Some(place) = &place {
-            fs::write(place.with_extension("crossings"), bytemuck::cast_slice(&counts)).unwrap();
-        }
-    }
-    if let Some(folder) = &export {
-        fs::write(Path::new(folder).join("rates.tsv"), table).unwrap();
     }
 }
 
@@ -114,18 +95,4 @@ fn processor_time() -> Duration {
     // User and system time in clock ticks of 10 ms.
     let ticks: u64 = fields[11].parse::<u64>().unwrap() + fields[12].parse::<u64>().unwrap();
     Duration::from_millis(10 * ticks)
-}
-
-/// `NAME.triangles` (9 f32 each) and `NAME.rays` (x, z at y = 0, and their slopes, f32).
-fn write(place: &Path, soup: &scenes::Soup, rays: &[Ray]) {
-    fs::create_dir_all(place.parent().unwrap()).unwrap();
-    let corners: Vec<f32> = soup
-        .1
-        .iter()
-        .flat_map(|t| t.map(|v| soup.0[v as usize].map(|c| c as f32)))
-        .flatten()
-        .collect();
-    let rays: Vec<f32> = rays.iter().flat_map(|r| [r.x, r.z, r.slope_x, r.slope_z]).collect();
-    fs::write(place.with_extension("triangles"), bytemuck::cast_slice(&corners)).unwrap();
-    fs::write(place.with_extension("rays"), bytemuck::cast_slice(&rays)).unwrap();
 }
