@@ -19,11 +19,11 @@ const THICK: f64 = 2e-5;
 /// A bar of this attenuation (1/m) and 225 um lets 0.39 through, as gold does at 80 keV.
 const LEAKING: f64 = 4_185.0;
 
-fn steps(reach: f64, count: u32) -> Vec<f64> {
+pub(crate) fn steps(reach: f64, count: u32) -> Vec<f64> {
     (0..count).map(|i| reach * (2.0 * f64::from(i) / f64::from(count - 1) - 1.0)).collect()
 }
 
-fn thin(setup: &Setup, leak: f64) -> ThinMasks {
+pub(crate) fn thin(setup: &Setup, leak: f64) -> ThinMasks {
     let (a, b) = setup.sample_mask.zip(setup.detector_mask).expect("both masks");
     ThinMasks {
         magnification: b.distance / a.distance,

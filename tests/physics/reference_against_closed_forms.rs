@@ -1,7 +1,8 @@
 //! The reference itself against answers that can be written down.
 
+use crate::flat::{steps, thin};
 use crate::reference::closed_form::{
-    ThinMasks, bars_at_slope, blurred_overlap, critical_angle, cylinder_deflection,
+    bars_at_slope, blurred_overlap, critical_angle, cylinder_deflection,
 };
 use crate::reference::masks::{Bars, Mask};
 use crate::reference::normal;
@@ -30,21 +31,6 @@ fn close(got: f64, want: f64, tolerance: f64) {
     assert!((got - want).abs() <= tolerance, "got {got:e}, want {want:e} within {tolerance:e}");
 }
 
-fn thin(setup: &Setup, leak: f64) -> ThinMasks {
-    let (a, b) = setup.sample_mask.zip(setup.detector_mask).expect("both masks");
-    ThinMasks {
-        magnification: b.distance / a.distance,
-        sample: [a.aperture, a.period],
-        detector: [b.aperture, b.period],
-        sigma: setup.sigma()[0],
-        leak: [leak; 2],
-    }
-}
-
-fn offsets(reach: f64, count: u32) -> Vec<f64> {
-    (0..count).map(|i| reach * (2.0 * f64::from(i) / f64::from(count - 1) - 1.0)).collect()
-}
-
 #[test]
 fn normal_distribution_has_its_tabulated_values() {
     // Abramowitz and Stegun, table 26.1, and Mills' ratio far out.
@@ -67,7 +53,7 @@ fn flat_curve_of_the_paper_peaks_where_it_should() {
     point.spot = [0.0; 2];
     close(thin(&point, 0.0).intensity(0.0), 0.2, 1e-15);
     // The curve's area is a1 a2 / p2, over the one period in which f matters.
-    let fine = offsets(50e-6, 20_001);
+    let fine = steps(50e-6, 20_001);
     let area: f64 = fine[1..].iter().map(|&f| thin(&setup, 0.0).intensity(f)).sum();
     close(area * 100e-6 / 20_000.0, 20e-6 * 30e-6 / 150e-6, 1e-12);
 }
@@ -77,7 +63,7 @@ fn numeric_flat_curve_equals_the_closed_form() {
     for (leak, spot) in [(0.0, 30e-6), (0.39, 30e-6), (0.0, 0.0), (0.39, 10e-6)] {
         let mut setup = Setup::paper([128, 128]).with_bars(Bars::Sheet { transmission: leak });
         setup.spot = [spot; 2];
-        let steps = offsets(40e-6, 9);
+        let steps = steps(40e-6, 9);
         let got = setup.pixel(None, Order::Exact, &Quadrature::fine(), 3, 60, &steps);
         for (got, f) in got.iter().zip(&steps) {
             // A sum over 241 source points meets the kinks of the overlap between them.
@@ -125,7 +111,7 @@ fn bars_off_axis_act_as_narrower_and_blurred_thin_ones() {
             (equal.sample[0], equal.detector[0]) = (first, second);
             let m = equal.magnification;
             equal.sigma = equal.sigma.hypot((m * m * blur_1 + blur_2).sqrt() / (m - 1.0));
-            let steps = offsets(40e-6, 17);
+            let steps = steps(40e-6, 17);
             let got = setup.pixel(None, Order::Exact, &Quadrature::fine(), column, 0, &steps);
             for (got, f) in got.iter().zip(&steps) {
                 // The third moment of the edges is left out: 7e-5 with a point source, where

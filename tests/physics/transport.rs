@@ -34,7 +34,7 @@ fn carbon(mesh: Mesh) -> Body {
 }
 
 /// The ray as the engine gets it: rounded to f32.
-fn ray(x: f64, z: f64, slope: [f64; 2], view: u32) -> Ray {
+pub(crate) fn ray(x: f64, z: f64, slope: [f64; 2], view: u32) -> Ray {
     Ray {
         x: x as f32,
         z: z as f32,

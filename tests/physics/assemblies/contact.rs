@@ -30,7 +30,7 @@ fn halves(gap: f64, turned_around: bool) -> Vec<Body> {
 }
 
 /// Rays that cross the gap near the middle of the block.
-fn grazing_rays() -> Vec<Ray> {
+pub(crate) fn grazing_rays() -> Vec<Ray> {
     let at = |k: i32| 0.4e-6 * (f64::from(k) / 20.0);
     let ray =
         |k: i32| Ray { x: at(k) as f32, z: 0.3e-3, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 };

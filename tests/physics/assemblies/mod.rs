@@ -10,6 +10,8 @@ mod cad;
 mod contact;
 mod overlap;
 
+pub(crate) use contact::grazing_rays;
+
 use crate::reference::rays::{Order, Sample, Trace};
 use crate::reference::scenes;
 use crate::reference::stack::Setup;

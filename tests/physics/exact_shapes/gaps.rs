@@ -3,12 +3,11 @@
 
 use super::solids::{Kind, Solid, cylinder};
 use super::{rays_around, scene};
-use crate::assemblies::{Bench, exact};
+use crate::assemblies::{Bench, exact, grazing_rays};
 use crate::reference::surfaces::Random;
 use crate::support::{CARBON, Worst, backends};
 use beamlet::geometry;
 use beamlet::internals::interface::{FLAG_REFLECTED, RayResult};
-use beamlet::internals::trace::Ray;
 use beamlet::scene::{Instances, MaterialSpec, Scene, Transport};
 use std::f64::consts::FRAC_PI_2;
 use std::path::Path;
@@ -47,14 +46,6 @@ fn faces(kinds: [Kind; 2], gap: f64, turned_around: bool) -> Vec<(Solid, [f64; 2
         both.reverse();
     }
     both
-}
-
-/// Rays that meet the faces near the middle.
-fn grazing_rays() -> Vec<Ray> {
-    let at = |k: i32| 0.4e-6 * (f64::from(k) / 20.0);
-    let ray =
-        |k: i32| Ray { x: at(k) as f32, z: 0.3e-3, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 };
-    (-20..=20).map(ray).collect()
 }
 
 fn reflected(results: &[RayResult]) -> usize {

@@ -9,7 +9,7 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::support::cuts::{Cut, bands, no_bit_changes};
 use crate::support::{CARBON, WATER, Worst, backends, engine, free_gaussian, sample};
-use beamlet::internals::trace::Ray;
+use crate::transport::ray;
 use beamlet::retrieve::Retriever;
 use beamlet::scene::{Instances, MaterialSpec, Scene};
 use std::fmt::Write as _;
@@ -43,14 +43,7 @@ fn curve(setup: &Setup, solid: Option<&Solid>, column: u32) -> Vec<f64> {
         let z = 100e-6 * up(j);
         let slope = [x / 1.2, z / 1.2];
         let place = slope.map(|s| 1.21 * s);
-        let ray = Ray {
-            x: 0.0,
-            z: 0.0,
-            slope_x: slope[0] as f32,
-            slope_z: slope[1] as f32,
-            pose: 0,
-            key: 0,
-        };
+        let ray = ray(0.0, 0.0, slope, 0);
         let moved = solid.map_or(0.0, |solid| {
             first_order(std::slice::from_ref(solid), &CARBON[1..], &ray, place).displacement[0]
         });

@@ -4,6 +4,7 @@ use super::scene;
 use crate::assemblies::Bench;
 use crate::reference::surfaces::Random;
 use crate::support::{CARBON, Worst, backends};
+use crate::transport::ray;
 use beamlet::internals::trace::Ray;
 use beamlet::scene::{Object, Shape, Transport};
 
@@ -46,13 +47,9 @@ fn rays_through_a_torus_match_closed_forms_within_its_facets() {
     // Half a step of the ring and of the tube.
     let lean = (2.4 * ERROR / (RING + TUBE)).sqrt() + (0.6 * ERROR / TUBE).sqrt();
     let mut random = Random::new(17);
-    let one = |_| Ray {
-        x: random.between(-RING - TUBE, RING + TUBE) as f32,
-        z: random.between(-0.95 * TUBE, 0.95 * TUBE) as f32,
-        slope_x: 0.0,
-        slope_z: 0.0,
-        pose: 0,
-        key: 0,
+    let one = |_| {
+        let x = random.between(-RING - TUBE, RING + TUBE);
+        ray(x, random.between(-0.95 * TUBE, 0.95 * TUBE), [0.0; 2], 0)
     };
     let rays: Vec<Ray> = (0..4000).map(one).collect();
     let mut path = Worst::new("path through a torus over what its facets allow", 1.0);

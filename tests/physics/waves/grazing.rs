@@ -3,10 +3,11 @@
 use super::{BY_WAVES, OFFSETS, engine, simulate};
 use crate::reference::normal::{SIGMA_PER_FWHM, cumulative};
 use crate::reference::waves::block::Block;
-use crate::support::{Worst, backends, engine_with};
+use crate::support::cuts::{Cut, bands, batches, no_bit_changes};
+use crate::support::{Worst, backends};
 use crate::thin_masks::REFERENCE;
 use beamlet::scene::{Beam, MaterialSpec, Object, Scene, Shape, Transport};
-use beamlet::{Backend, EngineOptions, spectrum};
+use beamlet::{Backend, spectrum};
 
 /// Decrement of a block: its critical angle is 1.41 mrad.
 const DELTA: f64 = 1e-6;
@@ -227,17 +228,7 @@ fn bands_and_batches_change_no_bit_of_mirrored_light() {
     scene.detector.pixels[1] = 3;
     // Lines differ over a row.
     scene.objects[0].placement.rotate.push(([0.0, 1.0, 0.0], 5e-3));
-    let run = |options: EngineOptions| {
-        engine_with(options.with_backend(Backend::Bvh)).simulate(&scene).expect("stacks")
-    };
-    let whole = run(EngineOptions::default());
+    let cuts = [bands(1), Cut { batch: Some(1000), ..bands(2) }, batches(257)];
+    let whole = no_bit_changes("mirrored light", &scene, &cuts);
     assert!(whole.record.tally.grazing_light > 0);
-    for (band, batch) in [(Some(1), None), (Some(2), Some(1000)), (None, Some(257))] {
-        let other = run(EngineOptions::default().with_band_rows(band).with_batch_rays(batch));
-        let pairs = whole.sample.iter().zip(&other.sample);
-        let same = pairs.into_iter().all(|(a, b)| a.to_bits() == b.to_bits());
-        assert!(same, "bands of {band:?} rows, batches of {batch:?} rays");
-        let light = |it: &beamlet::stack::Stacks| it.record.tally.grazing_light;
-        assert_eq!(light(&whole), light(&other));
-    }
 }

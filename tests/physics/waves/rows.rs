@@ -2,11 +2,12 @@
 
 use super::{BY_WAVES, FIBRE, OFFSETS, SET_UPS, add_cylinder, row, simulate};
 use crate::reference::waves::body::{Body, Outline, slice};
-use crate::support::{Worst, backends, engine_with, sample};
+use crate::support::cuts::{Cut, bands, batches, no_bit_changes};
+use crate::support::{Worst, backends, sample};
 use crate::thin_masks::REFERENCE;
+use beamlet::Backend;
 use beamlet::scene::{MaterialSpec, Object, Scene, Shape, Spot, SpotPart};
 use beamlet::stack::Stacks;
-use beamlet::{Backend, EngineOptions};
 
 /// Height of a row in the plane of the sample, m.
 pub(super) const ROW: f64 = 150e-6 / 1.8 * 1.2003;
@@ -108,35 +109,20 @@ fn crowd() -> Scene {
     scene
 }
 
-fn run(options: EngineOptions, scene: &Scene) -> Stacks {
-    engine_with(options).simulate(scene).expect("stacks")
-}
-
 #[test]
 fn bands_and_batches_change_no_bit_of_waves() {
-    let scene = crowd();
-    let on = |options: EngineOptions| run(options.with_backend(Backend::Bvh), &scene);
-    let whole = on(EngineOptions::default());
-    assert!(whole.record.tally.patches > 10 && whole.record.tally.rays > 10_000);
-    let cases =
-        vec![(Some(1), Some(257)), (Some(1), None), (Some(2), Some(1000)), (None, Some(257))];
-    for (band, batch) in sample(cases, 4) {
-        let options = EngineOptions::default().with_band_rows(band).with_batch_rays(batch);
-        let other = on(options);
-        let pairs =
-            whole.sample.iter().chain(&whole.flat).zip(other.sample.iter().chain(&other.flat));
-        let same = pairs.into_iter().all(|(a, b)| a.to_bits() == b.to_bits());
-        assert!(same, "bands of {band:?} rows, batches of {batch:?} rays");
-    }
+    let [one, two] =
+        [(257, 1), (1000, 2)].map(|(rays, rows)| Cut { batch: Some(rays), ..bands(rows) });
+    let cuts: Vec<Cut> = sample(vec![one, bands(1), two, batches(257)], 4).collect();
+    let tally = no_bit_changes("waves", &crowd(), &cuts).record.tally;
+    assert!(tally.patches > 10 && tally.rays > 10_000);
 }
 
 #[test]
 fn backends_agree_on_waves_within_1e_6() {
     let scene = crowd();
-    let all: Vec<Stacks> = backends()
-        .into_iter()
-        .map(|backend| run(EngineOptions::default().with_backend(backend), &scene))
-        .collect();
+    let all: Vec<Stacks> =
+        backends().into_iter().map(|backend| simulate(&scene, backend)).collect();
     let mut worst = Worst::new("waves, backends", 1e-6);
     for other in &all[1..] {
         for ((place, a), b) in all[0].sample.indexed_iter().zip(&other.sample) {
