@@ -187,39 +187,6 @@ def test_weights_masks_starts_and_bounds(fan: bl.Scene, engine: bl.Engine) -> No
         assert raised.value.key == key, raised.value
 
 
-def test_views_that_lost_their_refraction_have_no_weight(fan: bl.Scene, engine: bl.Engine) -> None:
-    operator = bl.Projector(fan, "refraction", engine=engine)
-    deep, across, along = operator.volume_shape
-    y, x = np.mgrid[:across, :along] - (along - 1) / 2
-    inside = np.broadcast_to(np.hypot(x, y) < 7, (deep, across, along))
-    angles = operator(inside.astype(np.float32))
-    core = np.broadcast_to(np.hypot(x, y) < 5, inside.shape)
-
-    def mean(**options: Any) -> tuple[float, tuple[int, ...]]:
-        given = {"sinograms": angles, "engine": engine, "iterations": 15} | options
-        volume = bl.reconstruct(given.pop("sinograms"), fan, "delta", **given)
-        return float(volume.values[core].mean()), volume.lost_views
-
-    lost = angles.copy()
-    lost[[3, 21, 35]] *= -0.2
-    for method in ("fbp", "cgls"):
-        whole, none = mean(method=method)
-        found, views = mean(method=method, sinograms=lost)
-        kept, same = mean(method=method, sinograms=lost, keep_views=True)
-        assert none == () and views == same == (3, 21, 35)
-        # Three of 40 views with -0.2 of their refraction are 9 % of it.
-        assert found == pytest.approx(whole, abs=0.01) and kept < whole - 0.04
-    # A body that reaches the ends of the rows has no area to compare.
-    attenuation = np.ones(angles.shape)
-    assert mean(sinograms=lost, attenuation=attenuation)[1] == ()
-    # Values of weight 0 may be anything.
-    weights = np.ones(angles.shape)
-    weights[:, :, 5] = 0
-    lost[:, :, 5] = np.nan
-    found, views = mean(method="cgls", sinograms=lost, weights=weights)
-    assert views == (3, 21, 35) and found == pytest.approx(whole, abs=0.02)
-
-
 def test_images_of_counts_have_weights(fan: bl.Scene, engine: bl.Engine) -> None:
     run = engine.simulate(fan.replace("detector.photons", 30_000), seed=2)
     images = run.retrieve(counts=True, weights="poisson")
