@@ -22,3 +22,20 @@ pub(crate) fn kept(text: &str, scene: Result<Scene, Error>) -> Result<Scene, Err
     }
     scene
 }
+
+/// Fails unless a scene has the hash of its `file`, whatever that holds, and is refused at `key` with the hash of another.
+#[track_caller]
+pub(crate) fn assert_hashed(text: &str, file: &str, contents: [&str; 2], key: &str) {
+    let place = tempfile::tempdir().expect("a folder");
+    let read = |text: &str| Scene::from_toml(text, place.path());
+    let [first, second] = contents.map(|content| {
+        std::fs::write(place.path().join(file), content).expect("a file");
+        read(text).expect("a scene").files[Path::new(file)].clone()
+    });
+    assert_ne!(first, second);
+    let recorded = format!("{text}\n[files]\n\"{file}\" = \"{first}\"\n");
+    let error = read(&recorded).expect_err("another file").to_string();
+    for word in [key, "sha256", "as in [files]"] {
+        assert!(error.contains(word), "{word:?} in: {error}");
+    }
+}

@@ -1,6 +1,6 @@
 //! Masks of patterns (images, tables and texts of open and closed pixels) and of lists of rectangles, and their rotation.
 
-use crate::kept::kept;
+use crate::kept::{assert_hashed, kept};
 use beamlet::Error;
 use beamlet::ndarray::array;
 use beamlet::scene::Scene;
@@ -57,21 +57,8 @@ fn pixels_of_a_third_value_are_named_by_their_place() {
 
 #[test]
 fn files_of_patterns_are_among_the_hashes_of_a_scene() {
-    let place = tempfile::tempdir().unwrap();
     let text = text(&format!("pattern = \"of.csv\"{PIXEL}"));
-    let of = |values: &str| {
-        fs::write(place.path().join("of.csv"), values).unwrap();
-        Scene::from_toml(&text, place.path()).unwrap()
-    };
-    let hash = |scene: &Scene| scene.files[Path::new("of.csv")].clone();
-    let [first, second] = ["0,1\n1,0\n", "1,0\n0,1\n"].map(of);
-    assert_ne!(hash(&first), hash(&second));
-    // A scene that has the hash of another pattern is refused.
-    let recorded = format!("{text}\n[files]\n\"of.csv\" = \"{}\"\n", hash(&first));
-    let error = Scene::from_toml(&recorded, place.path()).unwrap_err().to_string();
-    for word in ["sample_mask.pattern", "sha256", "as in [files]"] {
-        assert!(error.contains(word), "{word:?} in: {error}");
-    }
+    assert_hashed(&text, "of.csv", ["0,1\n1,0\n", "1,0\n0,1\n"], "sample_mask.pattern");
 }
 
 const PERIOD: &str = "\nperiod = \"40 um\"\nperiod_z = \"30 um\"";

@@ -1,5 +1,6 @@
 //! Keys of the scan: lists and files of offsets, angles and motions, and the views that they make.
 
+use crate::kept::assert_hashed;
 use crate::paper::PAPER;
 use beamlet::Error;
 use beamlet::scene::{Exposure, Motion, RotationAxis, Scene};
@@ -195,20 +196,6 @@ fn errors_are_lists_files_or_draws_and_kept_as_they_were_applied() {
 
 #[test]
 fn tables_are_among_the_hashes_of_a_scene() {
-    let directory = tempfile::tempdir().unwrap();
-    let path = directory.path().join("angles.csv");
     let text = text("angles = \"angles.csv\"");
-    let of = |values: &str| {
-        std::fs::write(&path, values).unwrap();
-        Scene::from_toml(&text, directory.path()).unwrap()
-    };
-    let hash = |scene: &Scene| scene.files[Path::new("angles.csv")].clone();
-    let [first, second] = ["angle_deg\n0\n1\n", "angle_deg\n0\n1.5\n"].map(of);
-    assert_ne!(hash(&first), hash(&second));
-    // A scene that has the hash of another table is refused.
-    let recorded = format!("{text}\n[files]\n\"angles.csv\" = \"{}\"\n", hash(&first));
-    let error = Scene::from_toml(&recorded, directory.path()).unwrap_err().to_string();
-    for word in ["scan.angles", "sha256", "as in [files]"] {
-        assert!(error.contains(word), "{word:?} in: {error}");
-    }
+    assert_hashed(&text, "angles.csv", ["angle_deg\n0\n1\n", "angle_deg\n0\n1.5\n"], "scan.angles");
 }
