@@ -10,10 +10,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::contact::{Contact, contact, intersect};
-use super::group::Group;
 use super::resolution::Resolution;
 use super::solid::Solid;
 use super::union;
+use super::{Place, Prototype};
 use crate::body::Body;
 use crate::search::Search;
 use crate::surface::{Surface, bounds_of, corners_of, near};
@@ -24,6 +24,31 @@ use beamlet_core::watch::{LoadStep, Task};
 
 /// Error of the facets of a shape that is cut with others, m, where few enough are as fine.
 const JOINED: f64 = 1e-8;
+
+/// All places of one object.
+#[derive(Debug)]
+pub(crate) struct Group {
+    pub(crate) object: u32,
+    pub(crate) prototype: Prototype,
+    pub(crate) places: Vec<Place>,
+    /// They are known to be disjoint.
+    pub(crate) apart: bool,
+}
+
+impl Group {
+    /// Box around all places in the world.
+    pub(crate) fn bounds(&self) -> [DVec3; 2] {
+        let own = self.prototype.bounds();
+        let corners = self.places.iter().flat_map(|place| place.bounds(own));
+        bounds_of(corners)
+    }
+
+    /// Its surface in a place.
+    pub(super) const fn solid<'a>(&'a self, place: &'a Place) -> Solid<'a> {
+        Solid { object: self.object, prototype: &self.prototype, place }
+    }
+}
+
 /// Places of all groups, and their surroundings.
 #[derive(Default)]
 pub(crate) struct Groups {

@@ -1,8 +1,6 @@
 //! Surfaces with many places, and analytic ones: kept once, with the places.
 
-mod around;
 mod contact;
-mod group;
 mod groups;
 mod partners;
 mod pipe;
@@ -14,8 +12,7 @@ mod sample;
 mod solid;
 mod union;
 
-pub(crate) use group::Group;
-pub(crate) use groups::Groups;
+pub(crate) use groups::{Group, Groups};
 pub(crate) use partners::Partners;
 pub use place::Place;
 pub use prototype::Prototype;

@@ -2,8 +2,7 @@
 
 use glam::DVec3;
 
-use super::group::Group;
-use super::groups::Groups;
+use super::groups::{Group, Groups};
 use super::{Partners, Placed};
 use crate::surface::bounds_of;
 use crate::{ObjectSummary, Sample};

@@ -4,7 +4,7 @@
 //! inside another one are left out.
 
 use super::contact::Contact;
-use super::group::Group;
+use super::groups::Group;
 use super::resolution::Resolution;
 use crate::overlap::{ClosedMesh, snap};
 use crate::surface::{Surface, in_mm};
