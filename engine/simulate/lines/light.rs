@@ -16,6 +16,26 @@ const BLURS: f64 = 3.0;
 /// Least half width of light in a window, share of its period: the table of windows has no points within less.
 const LEAST_HALF: f32 = 1e-4;
 
+/// Part of the light that materials spread: all parts of a piece move alike, so that pieces add up to the light of a
+/// piece that they divide.
+struct SpreadPart {
+    /// Displacement, standard deviations.
+    deviations: f32,
+    /// Share of the light.
+    share: f32,
+}
+
+/// Light that nothing spreads.
+const NARROW: [SpreadPart; 1] = [SpreadPart { deviations: 0.0, share: 1.0 }];
+/// Gauss-Hermite points: windows are of ninth degree at most over the spread.
+const SPREAD: [SpreadPart; 5] = [
+    SpreadPart { deviations: 0.0, share: 0.533_333_33 },
+    SpreadPart { deviations: -1.355_626_2, share: 0.222_075_92 },
+    SpreadPart { deviations: 1.355_626_2, share: 0.222_075_92 },
+    SpreadPart { deviations: -2.856_97, share: 0.011_257_412 },
+    SpreadPart { deviations: 2.856_97, share: 0.011_257_412 },
+];
+
 /// A line with its light.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LitLine {
@@ -258,7 +278,8 @@ impl<'a> Illumination<'a> {
         let light = share * mean * response.weight * single(x[1] - x[0]);
         let displacement = between(piece.displacement);
         let [low, high] = between(piece.scattering);
-        let scattering = 0.5 * (low + high);
+        let deviation = (0.5 * (low + high)).max(0.0).sqrt();
+        let spread = if deviation > 0.0 { &SPREAD[..] } else { &NARROW[..] };
         let (mut moved, step) = (0.0, opening.step as usize);
         let [shares, ratios] = response.hardening.refraction();
         for (part, ratio) in shares.into_iter().zip(ratios).filter(|(part, _)| *part > 0.0) {
@@ -268,19 +289,18 @@ impl<'a> Illumination<'a> {
             let slope = slope.copysign(slope * (high - low));
             for (kind, windows) in response.windows.iter().enumerate() {
                 let at = windows.landing(column, middle);
-                let mut half = half.max(LEAST_HALF * windows.period);
-                if scattering > 0.0 {
-                    // As wide as light that materials spread.
-                    half = (half * half + 3.0 * scattering).sqrt();
-                }
-                for number in windows.numbers(column, at, half) {
-                    let aside = at - number as f32 * windows.period;
-                    let passed = windows.passed_sloped(aside, half, slope);
-                    let passed = part * light * windows.share * passed;
-                    let index = number.rem_euclid(WINDOWS);
-                    let place = (kind * steps + step) * numbers::narrow::<usize>(WINDOWS);
-                    values[place + numbers::narrow::<usize>(index)] += passed;
-                    moved += ratio * passed;
+                let half = half.max(LEAST_HALF * windows.period);
+                for spread in spread {
+                    let at = at + spread.deviations * deviation;
+                    for number in windows.numbers(column, at, half) {
+                        let aside = at - number as f32 * windows.period;
+                        let passed = windows.passed_sloped(aside, half, slope);
+                        let passed = spread.share * (part * light * windows.share * passed);
+                        let index = number.rem_euclid(WINDOWS);
+                        let place = (kind * steps + step) * numbers::narrow::<usize>(WINDOWS);
+                        values[place + numbers::narrow::<usize>(index)] += passed;
+                        moved += ratio * passed;
+                    }
                 }
             }
         }
