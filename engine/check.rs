@@ -31,6 +31,7 @@ mod materials;
 mod two_directions;
 mod waves;
 
+pub use beamlet_model::microstructure::Description as CheckedMicrostructure;
 pub use beamlet_simulate::detector::SubpixelGrid;
 pub use builder::Check;
 pub use costs::CheckedTolerances;
@@ -62,6 +63,9 @@ pub struct CheckReport {
     pub ray_limits: RayLimits,
     /// Materials in use, the surroundings first.
     pub materials: Vec<Material>,
+    /// Materials in use that have bodies.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub microstructures: Vec<CheckedMicrostructure>,
     /// Objects of the sample, in the order of the scene.
     pub objects: Vec<CheckedObject>,
     /// Error of edges off the rotation centre; `None` where there is none.
@@ -210,6 +214,10 @@ fn load_lenient(
     let modulated = modulated(scene, (&nodes.energies, &nodes.weights))?;
     let energy = nodes.energies.iter().zip(&modulated).map(|(energy, share)| energy * share).sum();
     let materials = materials(scene, energy)?;
+    let with_bodies = materials.iter().filter_map(|material| {
+        CheckedMicrostructure::of(scene, &material.name, energy).transpose()
+    });
+    let microstructures: Vec<CheckedMicrostructure> = with_bodies.collect::<Result<_>>()?;
     memory::check_before_loading(scene, memory_limit)?;
     let shared = Arc::new(scene.clone());
     let (sample, refusals) =
@@ -225,6 +233,7 @@ fn load_lenient(
     for material in materials.iter().filter(|material| material.shadows_builtin) {
         warnings.push(format!("materials.{} hides the built-in material", material.name));
     }
+    warnings.extend(microstructures.iter().flat_map(CheckedMicrostructure::warnings));
     warnings.extend(scene.source.spot.warnings());
     warnings.extend(scene.middle_line_warning());
     warnings.extend(detector::offset_warning(scene));
@@ -255,6 +264,7 @@ fn load_lenient(
             output_bytes: extent.output_bytes(scene),
         },
         materials,
+        microstructures,
         objects: objects(scene, &sample),
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),

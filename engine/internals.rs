@@ -71,3 +71,7 @@ pub mod trace {
         CrossingFinder, DeviceSample, Moment, Moments, TraceKernels, Tracer,
     };
 }
+/// Structure functions of bodies at random places.
+pub mod microstructure {
+    pub use beamlet_model::microstructure::Bodies;
+}

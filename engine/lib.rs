@@ -97,13 +97,13 @@ pub mod retrieve {
 /// Scenes: the model in SI units, and its files.
 pub mod scene {
     pub use beamlet_model::scene::{
-        Absorber, Anode, ApertureLattice, ApertureShape, BarLayer, Beam, Blur, Counts, Detector,
-        DetectorMode, Exposure, Filter, Fly, Instances, KernelFile, MaskBody, MaskSpec,
-        MaterialSpec, Mesh, MeshFormat, Motion, Normals, Object, Packing, PackingAmount,
-        PackingKind, PackingRegion, Pattern, Photons, Placement, Pose, Quality, RandomRays,
-        Rectangle, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scattering, Scene, Scheme,
-        Shape, ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit, SpotPart,
-        Substrate, Tolerances, Transport, View,
+        Absorber, Anode, ApertureLattice, ApertureShape, BarLayer, Beam, Blur, BodyShape, Counts,
+        Detector, DetectorMode, Exposure, Filter, Fly, Instances, KernelFile, MaskBody, MaskSpec,
+        MaterialSpec, Mesh, MeshFormat, Microstructure, Motion, Normals, Object, Packing,
+        PackingAmount, PackingKind, PackingRegion, Pattern, Photons, Placement, Pose, Quality,
+        RandomRays, Rectangle, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scattering,
+        Scene, Scheme, Shape, ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit,
+        SpotPart, Substrate, Tolerances, Transport, View,
     };
 }
 /// Spectra and their energy nodes.

@@ -3,11 +3,12 @@
 use super::beam;
 use crate::args::Material as Arguments;
 use crate::failure::Failure;
+use beamlet::check::CheckedMicrostructure;
 use beamlet::cli_support::material::{builtin, builtins};
 use beamlet::cli_support::printed::number;
 use beamlet::cli_support::units::Dimension::{Density, Length};
 use beamlet::material::{self, Constants};
-use beamlet::scene::{Beam, MaterialSpec, Scene};
+use beamlet::scene::{Beam, MaterialSpec, Scene, SpectrumSpec};
 use beamlet::spectrum::Spectrum;
 use serde::Serialize;
 use std::f64::consts::PI;
@@ -51,6 +52,9 @@ struct MaterialReport {
     /// True if the values are means over a spectrum.
     over_spectrum: bool,
     values: Vec<MaterialValues>,
+    /// Bodies of a material of the scene, at the energy or at the mean of the photons.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    microstructure: Option<CheckedMicrostructure>,
     tables: String,
     /// Least and greatest energy with constants; the greatest is left out where there is none.
     table_range_kev: [Option<f64>; 2],
@@ -84,16 +88,24 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
         Some(MaterialSpec::Table { path }) => Some(beamlet::cli_support::printed::path(path)),
         _ => None,
     };
+    let values = match (&arguments.spectrum, &scene.source.beam) {
+        (Some(_), Beam::Spectrum(spec)) => {
+            vec![over_spectrum(&scene, spec, name, arguments.thickness)?]
+        }
+        (Some(_), Beam::Energy(energy)) => {
+            at_energies(&scene, name, &[*energy], arguments.thickness)?
+        }
+        (None, _) => at_energies(&scene, name, &arguments.energies, arguments.thickness)?,
+    };
+    let energy = values.first().map_or(0.0, |value| value.energy_kev);
     let report = MaterialReport {
-        values: match &arguments.spectrum {
-            Some(_) => vec![over_spectrum(&scene, name, arguments.thickness)?],
-            None => at_energies(&scene, name, &arguments.energies, arguments.thickness)?,
-        },
+        values,
+        microstructure: CheckedMicrostructure::of(&scene, name, energy)?,
         name: name.clone(),
         formula,
         density_g_cm3: density,
         thickness_m: arguments.thickness,
-        over_spectrum: arguments.spectrum.is_some(),
+        over_spectrum: matches!(scene.source.beam, Beam::Spectrum(_)),
         tables: table.unwrap_or_else(|| TABLES.to_owned()),
         table_range_kev: range.map(|energy| energy.is_finite().then_some(energy)),
     };
@@ -166,14 +178,10 @@ fn at_energies(
 /// Means over the photons of the scene's spectrum behind its filters.
 fn over_spectrum(
     scene: &Scene,
+    spec: &SpectrumSpec,
     name: &str,
     thickness: Option<f64>,
 ) -> Result<MaterialValues, Failure> {
-    let Beam::Spectrum(spec) = &scene.source.beam else {
-        return Err(Failure::Usage(
-            "--spectrum: the scene has one energy and no spectrum; use --energy".into(),
-        ));
-    };
     let spectrum = Spectrum::after_filters(scene, spec)?.significant();
     let constants = material::constants_over(scene, name, &spectrum.energies_kev)?;
     let mean = |value: &dyn Fn(f64, Constants) -> f64| {
@@ -223,6 +231,12 @@ fn write_text(report: &MaterialReport, out: &mut impl Write) -> std::io::Result<
         if let (Some(transmission), Some(thickness)) = (value.transmission, report.thickness_m) {
             let text = format!("{} of {}", number(transmission), Length.rounded(thickness));
             line("transmission", text)?;
+        }
+    }
+    if let Some(structure) = &report.microstructure {
+        write!(out, "{structure}")?;
+        for warning in structure.warnings() {
+            writeln!(out, "  {:<18}{warning}", "warning")?;
         }
     }
     let [low, high] = report.table_range_kev;

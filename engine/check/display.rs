@@ -40,6 +40,12 @@ impl Display for CheckReport {
         for material in &self.materials {
             write_material(f, material, width)?;
         }
+        if !self.microstructures.is_empty() {
+            writeln!(f, "\nmicrostructures")?;
+        }
+        for structure in &self.microstructures {
+            write!(f, "{structure}")?;
+        }
         if !self.objects.is_empty() {
             writeln!(f, "\nobjects")?;
         }
@@ -231,7 +237,8 @@ fn write_material(f: &mut Formatter<'_>, material: &Material, width: usize) -> f
     write!(f, "  {name:width$}  mu {:>12}  delta {delta:>11.4e}", format!("{} /m", number(*mu)))?;
     write!(f, "  critical angle {angle:>14}")?;
     if *scattering > 0.0 {
-        write!(f, "  scattering {}", Dimension::Scattering.rounded(*scattering))?;
+        let rounded = format!("{scattering:.4e}").parse().unwrap_or(*scattering);
+        write!(f, "  scattering {}", Dimension::Scattering.rounded(rounded))?;
     }
     write!(f, "  ({})", material.used_by.join(", "))?;
     writeln!(f, "{}", if material.shadows_builtin { ", hides the built-in one" } else { "" })

@@ -277,7 +277,8 @@ impl Doubts {
             match *spec {
                 MaterialSpec::Formula { density, .. } | MaterialSpec::Mixture { density, .. } => {
                     let is_used = scene.objects.iter().any(|object| object.material == *name);
-                    self.add(is_used && density < GAS, || {
+                    let is_host = scene.microstructures.contains_key(name);
+                    self.add(is_used && !is_host && density < GAS, || {
                         format!(
                             "materials.{name}.density of {} g/cm3 ({} kg/m3) is the density of a gas: is its unit \
                              right?",

@@ -48,6 +48,9 @@ fn unknown_materials<'a>(scene: &'a Scene) -> Vec<Error> {
     for (number, object) in scene.objects.iter().enumerate() {
         named.push((scene.object_key(number, "material"), &object.material));
     }
+    for (name, structure) in &scene.microstructures {
+        named.push((format!("materials.{name}.microstructure.of"), &structure.of));
+    }
     // An empty name has an error of its own.
     let named = named.into_iter().filter(|(_, name)| !name.trim().is_empty());
     named.filter_map(|(key, name)| material::known(scene, name, &key).err()).collect()

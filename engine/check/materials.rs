@@ -2,8 +2,8 @@
 
 use super::Material;
 use beamlet_core::Result;
-use beamlet_model::material;
 use beamlet_model::scene::{MaskSpec, MaterialSpec, Object, Scene};
+use beamlet_model::{material, microstructure};
 
 /// Materials in use, each once, in the order: surroundings, objects, masks.
 pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
@@ -44,12 +44,14 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
             continue;
         }
         let constants = material::constants_at_for(scene, &name, energy, &key)?;
+        let variance = microstructure::variances(scene, &name, &[energy])?;
+        let scattering = variance.map_or(constants.scattering, |it| it.iter().sum());
         found.push(Material {
             used_by: vec![user],
             mu: constants.mu,
             delta: constants.delta,
             critical_angle: (2.0 * constants.delta.max(0.0)).sqrt(),
-            scattering: constants.scattering,
+            scattering,
             shadows_builtin: shadows_builtin(scene, &name),
             name,
         });

@@ -15,6 +15,8 @@ shared_structs! {
         pub delta: f32,
         /// Variance of the displacement in the plane of the sample mask per moment of scattering.
         pub scattering: f32,
+        /// Index of the law by which its contrast depends on the shear.
+        pub law: u32,
     }
 
     /// Field behind the sample at one ray.
@@ -23,8 +25,6 @@ shared_structs! {
         pub im: f32,
         /// Displacement by the depth of the sample along the axis, in the plane of the sample mask, m.
         pub displacement: f32,
-        /// Variance of the displacement along x by materials that scatter, in the plane of the sample mask, m2.
-        pub variance: f32,
     }
 
     /// Sum of the products of pairs up to a ray.
@@ -64,6 +64,8 @@ shared_structs! {
         pub responses: u64,
         /// Address of `WavePairs`, `[shear]`: motion of the sample against the mask by the focal spot, in cells.
         pub motions: u64,
+        /// Address of `Floats`, `[shear][law]`: variance by which light loses contrast, over that of the ray.
+        pub laws: u64,
         /// Rays of a line, even.
         pub rays: u32,
         /// Number of shears, 0 included.
@@ -94,6 +96,9 @@ shared_structs! {
         pub moments: u64 => Floats,
         pub fields: u64 => WaveFields,
         pub materials: u64 => WaveMaterials,
+        /// `[ray][law]`: variance of the displacement along x by materials that scatter, in the plane of the sample
+        /// mask, m2.
+        pub variances: u64 => Floats,
         /// Rays of this dispatch.
         pub ray_count: u32,
         /// Place of the first in the field.
@@ -103,6 +108,8 @@ shared_structs! {
         pub material_count: u32,
         /// Words of scattering, the last ones of a ray: as many as materials, or none.
         pub scattering_words: u32,
+        /// Laws of materials that scatter; 0 without any.
+        pub laws: u32,
         /// Centre of the sample to the analyser, m.
         pub lever: f32,
     }
@@ -112,6 +119,8 @@ shared_structs! {
         pub params: u64 => WaveParamsRef,
         pub lines: u64 => WaveLines,
         pub fields: u64 => WaveFields,
+        /// As of the fields: `[ray][law]`.
+        pub variances: u64 => Floats,
         /// `[line of the dispatch][ray]`.
         pub sums: u64 => WavePairs,
         /// Offsets of the sample mask, m.
@@ -122,5 +131,7 @@ shared_structs! {
         pub steps: u32,
         /// Nonzero: the light of other energies is kept.
         pub adds: u32,
+        /// Laws of materials that scatter.
+        pub laws: u32,
     }
 }

@@ -2,6 +2,7 @@
 
 pub mod material;
 pub mod media;
+pub mod microstructure;
 pub mod optics;
 pub mod scene;
 pub mod spectrum;

@@ -1,6 +1,7 @@
 //! Materials of a scene by index, medium 0 being the surroundings, with their constants.
 
 use crate::material::{self, Constants};
+use crate::microstructure;
 use crate::scene::Scene;
 use crate::spectrum;
 use beamlet_core::{Result, numbers};
@@ -46,7 +47,16 @@ impl MaterialTable {
             let named = names.iter().zip(&keys);
             named.map(|(name, key)| material::constants_at_for(scene, name, energy, key)).collect()
         };
-        let constants = nodes.energies.iter().map(|&e| at(e)).collect::<Result<_>>()?;
+        let mut constants =
+            nodes.energies.iter().map(|&e| at(e)).collect::<Result<Vec<Vec<Constants>>>>()?;
+        for (material, name) in names.iter().enumerate() {
+            let Some(variances) = microstructure::variances(scene, name, &nodes.energies)? else {
+                continue;
+            };
+            for (of_node, variance) in constants.iter_mut().zip(variances) {
+                of_node[material].scattering = variance;
+            }
+        }
         Ok(Self {
             names,
             energies: nodes.energies,

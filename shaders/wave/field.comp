@@ -45,14 +45,18 @@ void main() {
             at += MOMENTS_PER_PAIR;
         }
     }
-    float variance = 0.0;
-    for (uint m = 0u; m < push.scattering_words; m++) {
-        variance += push.materials.at[m].scattering * push.moments.at[at + m];
+    for (uint law = 0u; law < push.laws; law++) {
+        float variance = 0.0;
+        for (uint m = 0u; m < push.scattering_words; m++) {
+            WaveMaterial material = push.materials.at[m];
+            if (material.law == law) variance += material.scattering * push.moments.at[at + m];
+        }
+        push.variances.at[(push.first + ray) * push.laws + law] = max(variance, 0.0);
     }
     cycles -= floor(cycles + 0.5);
     vec2 field = exp(-depth) * turned(-cycles);
     // Light of rays that are not finite is left out, and counted.
     bool is_finite = (flags & FLAG_NOT_FINITE) == 0u && abs(depth) < 1e30 && abs(displacement) < 1e30;
-    push.fields.at[push.first + ray] = is_finite
-        ? WaveField(field.x, field.y, displacement, max(variance, 0.0)) : WaveField(0.0, 0.0, 0.0, 0.0);
+    push.fields.at[push.first + ray] =
+        is_finite ? WaveField(field.x, field.y, displacement) : WaveField(0.0, 0.0, 0.0);
 }

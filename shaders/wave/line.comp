@@ -32,13 +32,20 @@ vec2 product(WaveParams params, WaveLine line, Shear shear, uint i) {
     float cycles = float(int(whole)) * 2.3283064365386963e-10;
     vec2 field = vec2(1.0, 0.0);
     if (line.first_ray != WAVE_EMPTY) {
-        WaveField low = push.fields.at[line.first_ray + i];
-        WaveField high = push.fields.at[line.first_ray + i + shear.index * params.pairs];
+        uint low_ray = line.first_ray + i;
+        uint high_ray = low_ray + shear.index * params.pairs;
+        WaveField low = push.fields.at[low_ray];
+        WaveField high = push.fields.at[high_ray];
         field = times_conjugate(vec2(low.re, low.im), vec2(high.re, high.im));
         float moved = 0.5 * (low.displacement + high.displacement);
         float more = float(shear.index) * params.frequency * moved;
         cycles += more - floor(more + 0.5);
-        float variance = 0.5 * (low.variance + high.variance);
+        float variance = 0.0;
+        for (uint law = 0u; law < push.laws; law++) {
+            float of_pair = push.variances.at[low_ray * push.laws + law]
+                + push.variances.at[high_ray * push.laws + law];
+            variance += 0.5 * of_pair * Floats(params.laws).at[shear.index * push.laws + law];
+        }
         if (variance > 0.0) {
             float turns = 6.283185307179586 * float(shear.index) * params.frequency;
             field *= exp(-0.5 * turns * turns * variance);

@@ -269,3 +269,29 @@ fn scattering_is_read_written_and_follows_the_energy() {
         assert_eq!(plain.scattering, 0.0);
     }
 }
+
+/// Constants are means by volume, and the keys survive writing.
+#[test]
+fn microstructures_are_read_and_written_and_have_mean_constants() {
+    let text = "[source]\ndistance = \"1 m\"\nspot = \"0 um\"\nenergy = \"30 keV\"\n\
+                [detector]\ndistance = \"2 m\"\npixels = [8, 8]\npitch = \"100 um\"\n\
+                [materials.powder]\nmixture = { air = 1 }\ndensity = \"0.0012 g/cm3\"\n\
+                microstructure = { shape = \"spheres\", diameter = \"10 um\", spread = 0.2, fraction = 0.4, \
+                of = \"silica\" }\n\
+                [materials.foam]\nformula = \"C8H8\"\ndensity = \"1.05 g/cm3\"\n\
+                microstructure = { shape = \"voids\", diameter = \"50 um\", fraction = 0.3 }\n";
+    let scene = Scene::from_toml(text, ".").unwrap();
+    let written = scene.to_toml(".", &BTreeMap::new(), &[]).unwrap();
+    let again = Scene::from_toml(&written, ".").unwrap();
+    assert_eq!(again.microstructures, scene.microstructures, "{written}");
+    assert_eq!(scene.microstructures["foam"].of, "air");
+    let mut bare = scene.clone();
+    bare.microstructures.clear();
+    for (name, fraction, of) in [("powder", 0.4, "silica"), ("foam", 0.3, "air")] {
+        let [found, host] = [&scene, &bare].map(|it| constants_at(it, name, 30.0).unwrap());
+        let body = constants_at(&scene, of, 30.0).unwrap();
+        let mean = |host: f64, body: f64| (1.0 - fraction) * host + fraction * body;
+        assert!((found.mu / mean(host.mu, body.mu) - 1.0).abs() < 1e-12, "{found:?}");
+        assert!((found.delta / mean(host.delta, body.delta) - 1.0).abs() < 1e-12, "{found:?}");
+    }
+}

@@ -17,7 +17,7 @@ mod unknown;
 
 use std::borrow::Cow;
 
-use crate::scene::{Beam, MaterialSpec, Scene};
+use crate::scene::{Beam, MaterialSpec, Microstructure, Scene, path};
 use beamlet_core::error::{Error, Result};
 use unknown::unknown;
 
@@ -30,7 +30,8 @@ pub struct Constants {
     pub mu: f64,
     /// Refractive index decrement (n = 1 - delta + i beta).
     pub delta: f64,
-    /// Variance of the refraction angle along one axis by structure that no object describes, per path length, rad2/m.
+    /// Variance of the refraction angle along one axis by structure that no object describes, per path length, rad2/m;
+    /// of a microstructure, which depends on the set-up too, by [`crate::microstructure::variances`].
     pub scattering: f64,
 }
 
@@ -134,11 +135,21 @@ pub fn of_builtin(name: &str, energies: &[f64]) -> Result<Vec<Constants>> {
 /// # Errors
 /// As `constants_over_for`.
 pub(crate) fn edges(scene: &Scene, name: &str, key: &str) -> Result<Vec<f64>> {
-    match &Law::of(scene, name, Some(key))? {
+    let of = |name: &str, key: &str| match &Law::of(scene, name, Some(key))? {
         Law::Numbers(_) => Ok(Vec::new()),
         Law::Formula { formula, density } => formula::edges(name, formula, *density),
         Law::Table(table) => Ok(table.edges()),
+    };
+    let mut edges = of(name, key)?;
+    if let Some(structure) = scene.microstructures.get(name) {
+        edges.extend(of(&structure.of, &key_of_bodies(name))?);
     }
+    Ok(edges)
+}
+
+/// Key of the material of the bodies of a microstructure.
+fn key_of_bodies(name: &str) -> String {
+    format!("{}.microstructure.of", path::join("materials", name))
 }
 
 /// Least and greatest energy, keV, at which a material has constants.
@@ -146,11 +157,15 @@ pub(crate) fn edges(scene: &Scene, name: &str, key: &str) -> Result<Vec<f64>> {
 /// # Errors
 /// As [`constants_over`].
 pub fn range(scene: &Scene, name: &str) -> Result<[f64; 2]> {
-    match &Law::of(scene, name, None)? {
+    let of = |name: &str, key: Option<&str>| match &Law::of(scene, name, key)? {
         Law::Numbers(_) => Ok([0.0, f64::INFINITY]),
         Law::Formula { formula, density } => formula::range(name, formula, *density),
         Law::Table(table) => Ok(table.range()),
-    }
+    };
+    let host = of(name, None)?;
+    let Some(structure) = scene.microstructures.get(name) else { return Ok(host) };
+    let bodies = of(&structure.of, Some(&key_of_bodies(name)))?;
+    Ok([host[0].max(bodies[0]), host[1].min(bodies[1])])
 }
 
 /// Checks that a scene may name a material, at `key`.
@@ -174,8 +189,41 @@ struct Asked<'a> {
     of_scene: bool,
 }
 
+/// Constants of the host and of the bodies of a microstructure of the scene, at energies of its beam, keV.
+///
+/// # Errors
+/// As [`constants_over`].
+pub(crate) fn host_and_bodies(
+    scene: &Scene,
+    name: &str,
+    structure: &Microstructure,
+    energies: &[f64],
+) -> Result<[Vec<Constants>; 2]> {
+    let key = key_of_bodies(name);
+    let host = Asked { scene, name, key: None, of_scene: true };
+    let bodies = Asked { name: &structure.of, key: Some(&key), ..host };
+    Ok([host.bulk(energies)?, bodies.bulk(energies)?])
+}
+
 impl Asked<'_> {
+    /// Constants of the material; of a microstructure the mean of host and bodies.
     fn constants(&self, energies: &[f64]) -> Result<Vec<Constants>> {
+        let mut constants = self.bulk(energies)?;
+        if let Some(structure) = self.scene.microstructures.get(self.name) {
+            let key = key_of_bodies(self.name);
+            let Self { scene, of_scene, .. } = *self;
+            let bodies = Asked { scene, name: &structure.of, key: Some(&key), of_scene };
+            let mean = |host: f64, body: f64| host + structure.fraction * (body - host);
+            for (host, body) in constants.iter_mut().zip(bodies.bulk(energies)?) {
+                host.mu = mean(host.mu, body.mu);
+                host.delta = mean(host.delta, body.delta);
+            }
+        }
+        Ok(constants)
+    }
+
+    /// Constants of the material without bodies.
+    fn bulk(&self, energies: &[f64]) -> Result<Vec<Constants>> {
         let Self { scene, name, key, .. } = *self;
         let bad = energies.iter().find(|energy| !(energy.is_finite() && **energy > 0.0));
         if let Some(energy) = bad {
@@ -236,7 +284,7 @@ impl<'a> Law<'a> {
                     Ok(Self::Numbers(Constants { mu: *mu, delta: *delta, ..Constants::default() }))
                 }
                 Beam::Spectrum(_) => Err(Error::scene(
-                    crate::scene::path::join("materials", name),
+                    path::join("materials", name),
                     "mu and delta as numbers under source.spectrum",
                     "formula and density, or a table: numbers hold at one energy only",
                 )),

@@ -62,7 +62,8 @@ pub use motion::Motion;
 pub use pattern::{Pattern, Strip};
 pub use rectangles::Rectangle;
 pub use sample::{
-    MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Scattering, Shape, ShapeOrMesh,
+    BodyShape, MaterialSpec, Mesh, MeshFormat, Microstructure, Normals, Object, Placement,
+    Scattering, Shape, ShapeOrMesh,
 };
 pub use scan::{Fly, RotationAxis, Scan};
 pub use scan_errors::ScanErrors;

@@ -4,7 +4,9 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::{Beam, Detector, MaterialSpec, Object, RandomRays, Scan, Scattering, ShapeOrMesh};
+use super::{
+    Beam, Detector, MaterialSpec, Microstructure, Object, RandomRays, Scan, Scattering, ShapeOrMesh,
+};
 use crate::spot::Spot;
 
 /// Name of the region of the surroundings among the objects.
@@ -33,6 +35,8 @@ pub struct Scene {
     pub materials: BTreeMap<String, MaterialSpec>,
     /// Scattering of materials defined in the scene, by their names.
     pub scattering: BTreeMap<String, Scattering>,
+    /// Microstructure of materials defined in the scene, by their names.
+    pub microstructures: BTreeMap<String, Microstructure>,
     /// Name of the material of the surroundings (medium 0). It has no end; where the scene has a
     /// region ([`Scene::fill_region`]) it is what lies outside of that.
     pub surroundings: String,
@@ -79,6 +83,7 @@ impl Scene {
             scan: Scan::default(),
             materials: BTreeMap::new(),
             scattering: BTreeMap::new(),
+            microstructures: BTreeMap::new(),
             title: None,
             surroundings: "vacuum".into(),
             path_material: "vacuum".into(),
@@ -118,7 +123,8 @@ impl Scene {
     /// True if a material of this name scatters.
     #[must_use]
     pub fn scatters(&self, material: &str) -> bool {
-        self.scattering.get(material).is_some_and(|it| it.variance > 0.0)
+        self.microstructures.contains_key(material)
+            || self.scattering.get(material).is_some_and(|it| it.variance > 0.0)
     }
 
     /// Where a scene file has a key of the object of this number.

@@ -27,10 +27,15 @@ pub(super) fn read_scene(document: &Document) -> Option<Scene> {
     let (Some(source), Some(detector)) = (source, detector) else { return None };
     let scattering =
         materials.iter().filter_map(|(name, it)| Some((name.clone(), it.scattering()?))).collect();
+    let microstructures = materials
+        .iter()
+        .filter_map(|(name, it)| Some((name.clone(), it.microstructure.clone()?)))
+        .collect();
     let mut scene = Scene {
         directory: document.directory.clone(),
         materials: materials.into_iter().map(|(name, it)| (name, it.spec)).collect(),
         scattering,
+        microstructures,
         files,
         ..Scene::new(source, detector)
     };

@@ -70,6 +70,42 @@ impl Scattering {
     }
 }
 
+/// Bodies of one material at random places in another, the host, which its entry defines: light sees their mean, and
+/// loses contrast by their structure.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub struct Microstructure {
+    /// Shape of the bodies.
+    pub shape: BodyShape,
+    /// Diameter, m: the median of the spread. > 0.
+    pub diameter: f64,
+    /// Standard deviation of ln d of the diameters d, 0 to 0.5.
+    pub spread: f64,
+    /// Fraction of the volume that the bodies have. > 0.
+    pub fraction: f64,
+    /// Name of the material of the bodies.
+    pub of: String,
+}
+
+/// Shape of the bodies of a microstructure.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BodyShape {
+    /// Spheres.
+    Spheres,
+    /// Spheres, of air where nothing else is given.
+    Voids,
+    /// Long cylinders of all directions.
+    Cylinders,
+}
+
+impl Microstructure {
+    /// Bodies of one diameter, m, with a fraction of the volume.
+    #[must_use]
+    pub fn new(shape: BodyShape, of: impl Into<String>, diameter: f64, fraction: f64) -> Self {
+        Self { shape, diameter, spread: 0.0, fraction, of: of.into() }
+    }
+}
+
 /// One object of the sample.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]

@@ -8,7 +8,7 @@ use super::keys::material::MaterialEntry;
 use super::keys::record::check;
 use super::{
     Beam, Exposure, MaskSpec, Motion, Photons, Quality, Scene, Scheme, SpectrumOrigin,
-    SpectrumSpec, limits, path,
+    SpectrumSpec, Transport, limits, path,
 };
 use crate::spot::Spot;
 use beamlet_core::units::Dimension::Length;
@@ -67,7 +67,7 @@ impl Scene {
         for (name, spec) in &self.materials {
             faults.note(named("materials", name));
             let table = path::join("materials", name);
-            let entry = MaterialEntry::new(spec.clone(), self.scattering.get(name));
+            let entry = MaterialEntry::of(self, name, spec);
             check(&entry, &|key| path::join(&table, key), &mut faults);
         }
         faults.note(self.validate_scattering());
@@ -94,14 +94,42 @@ impl Scene {
             let found = format!("scattering of {name:?}, which [materials] does not define");
             return Err(Error::scene(key, found, "a material that the scene defines"));
         }
+        if let Some(name) =
+            self.microstructures.keys().find(|name| !self.materials.contains_key(*name))
+        {
+            let key = path::join(&path::join("materials", name), "microstructure");
+            let found = format!("bodies in {name:?}, which [materials] does not define");
+            return Err(Error::scene(key, found, "a material that the scene defines"));
+        }
+        for (name, structure) in &self.microstructures {
+            let key = path::join(&path::join("materials", name), "microstructure");
+            if structure.of == *name || self.scatters(&structure.of) {
+                let found = format!("{:?}, which has structure of its own", structure.of);
+                let allowed = "a material without `microstructure` and `scattering`";
+                return Err(Error::scene(format!("{key}.of"), found, allowed));
+            }
+            let is_used = self.objects.iter().any(|object| object.material == *name);
+            let has_curve =
+                self.sample_mask.is_some() || self.sampling.transport == Transport::Wave;
+            if is_used && !has_curve {
+                let found =
+                    "rays without a sample mask, whose curve has no width to take the contrast at";
+                let allowed = "sampling.transport = \"wave\", a sample mask, or `scattering`";
+                return Err(Error::scene(key, found, allowed));
+            }
+        }
         let around = [
             ("surroundings.path_material", &self.path_material),
             (self.surroundings_key(), &self.surroundings),
         ];
         if let Some((key, name)) = around.into_iter().find(|(_, name)| self.scatters(name)) {
-            let found = format!("{name:?}, which has `scattering`, around the objects");
-            let allowed =
-                "a material without `scattering`; objects and `surroundings.region` may scatter";
+            let has = if self.microstructures.contains_key(name) {
+                "microstructure"
+            } else {
+                "scattering"
+            };
+            let found = format!("{name:?}, which has `{has}`, around the objects");
+            let allowed = "a material without `scattering` and `microstructure`; objects and `surroundings.region` may scatter";
             return Err(Error::scene(key, found, allowed));
         }
         let is_in_cells = self.has_heights() && self.sampling.scheme == Scheme::Cells;

@@ -60,7 +60,7 @@ pub(super) fn to_toml(
     out.record("[scan]", &scene.scan, base)?;
     for (name, spec) in &scene.materials {
         let key = if path::is_bare(name) { name.clone() } else { quoted(name) };
-        let entry = MaterialEntry::new(spec.clone(), scene.scattering.get(name));
+        let entry = MaterialEntry::of(scene, name, spec);
         out.record(&format!("[materials.{key}]"), &entry, base)?;
     }
     let region = scene.region().map(|region| hashed(region, hashes));

@@ -145,6 +145,7 @@ impl Energy {
             targets: targets.address(),
             responses: responses.address(),
             motions: motions.address(),
+            laws: 0,
             rays,
             shears: of.count,
             pairs: of.pairs,

@@ -62,6 +62,8 @@ pub(super) struct Lines {
     plan: Arc<WavePlan>,
     kernels: Arc<WaveKernels>,
     fields: Option<Buffer>,
+    /// Variances of materials that scatter, where the sample has any.
+    variances: Option<Buffer>,
     sums: Option<Buffer>,
     records: Option<Buffer>,
     light: Option<Buffer>,
@@ -82,6 +84,7 @@ impl Lines {
             plan: plan.clone(),
             kernels: kernels.clone(),
             fields: None,
+            variances: None,
             sums: None,
             records: None,
             light: None,
@@ -119,7 +122,8 @@ impl Lines {
     ) -> Result<Vec<LineLight>> {
         let each = self.plan.rays as usize;
         let energies = self.plan.energies as usize;
-        let at_once = (FIELD_BYTES / (each * energies * size_of::<WaveField>())).max(1);
+        let bytes = size_of::<WaveField>() + self.plan.laws as usize * size_of::<f32>();
+        let at_once = (FIELD_BYTES / (each * energies * bytes)).max(1);
         let values = self.values();
         let mut all = Vec::with_capacity(lines.len());
         for some in lines.chunks(at_once) {
@@ -146,6 +150,11 @@ impl Lines {
         let fields = self.fields.take();
         let size = all * plan.energies as usize;
         let fields = fit::<WaveField>(&self.device, fields, "fields of lines", size)?;
+        if plan.laws > 0 {
+            let (before, size) = (self.variances.take(), size * plan.laws as usize);
+            self.variances = Some(fit::<f32>(&self.device, before, "variances of lines", size)?);
+        }
+        let variances = self.variances.as_ref().map_or(0, Buffer::address);
         let kernel = self.kernels.field.get()?;
         let mut flagged = Vec::new();
         let mut first = 0;
@@ -158,11 +167,13 @@ impl Lines {
                     moments: tracer.moments().address(),
                     fields: fields.address(),
                     materials: plan.media(energy),
+                    variances,
                     ray_count: numbers::count(count),
                     first: numbers::count(energy as usize * all + first),
                     words: tracer.moment_stride(),
                     material_count: plan.materials,
                     scattering_words: tracer.scattering_words(),
+                    laws: plan.laws,
                     lever: numbers::single(plan.lever),
                 };
                 let record = |r: &mut Recorder<'_>| {
@@ -227,10 +238,14 @@ impl Lines {
             offsets: self.offsets.address() + u64::from(self.steps) * 4 * list as u64,
             light: light.address(),
             steps: self.steps,
+            laws: plan.laws,
             ..bytemuck::Zeroable::zeroed()
         };
         let field_bytes = (count * plan.rays as usize * size_of::<WaveField>()) as u64;
+        let variance_bytes =
+            u64::from(plan.laws) * (count * plan.rays as usize * size_of::<f32>()) as u64;
         let fields = self.fields.as_ref().map_or(0, Buffer::address);
+        let variances = self.variances.as_ref().map_or(0, Buffer::address);
         let mut uploads = &[Upload::new(&line_buffer, 0, records)][..];
         for first_line in (0..numbers::count(count)).step_by(at_once as usize) {
             let groups = [at_once.min(numbers::count(count) - first_line), parts, 1];
@@ -239,6 +254,7 @@ impl Lines {
                     let push = WaveLinePush {
                         params: plan.params(energy),
                         fields: fields + u64::from(energy) * field_bytes,
+                        variances: variances + u64::from(energy) * variance_bytes,
                         first_line,
                         adds: u32::from(energy > 0),
                         ..template

@@ -8,6 +8,7 @@
 //! - `frequencies`: spacing of a line, and its shears by energy;
 //! - `inline`: beamlets without a sample mask;
 //! - `columns`: pixels of each beamlet, and their response to a frequency;
+//! - `laws`: contrast of materials that scatter, by shear;
 //! - `energy`, `plan`: tables of these on the device;
 //! - `line`: places of rays;
 //! - `grazing`: parts of lines near grazing, for the light of rays;
@@ -26,6 +27,7 @@ mod frequencies;
 mod grazing;
 mod inline;
 mod kernels;
+mod laws;
 mod line;
 mod lines;
 mod plan;

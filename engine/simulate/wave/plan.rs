@@ -4,6 +4,7 @@ use super::columns::Columns;
 use super::energy::{Energy, Spacing, refuse};
 use super::frequencies::{Kind, spacing};
 use super::inline;
+use super::laws::Laws;
 use crate::sampling::Lattice;
 use beamlet_core::Result;
 use beamlet_core::numbers::{self, single};
@@ -41,6 +42,8 @@ pub(crate) struct WavePlan {
     pub(super) energies: u32,
     /// Number of materials.
     pub(super) materials: u32,
+    /// Number of laws by which contrast depends on the shear; 0 where nothing scatters.
+    pub(super) laws: u32,
     /// Centre of the sample to the analyser, m.
     pub(super) lever: f64,
     /// Shift of light by the focal spot, rows downwards.
@@ -110,10 +113,19 @@ impl WavePlan {
         }
         let mut buffers = Vec::new();
         let mut params = Vec::new();
-        for energy in &energies {
+        let laws = Laws::of(scene, media)?;
+        for (node, energy) in energies.iter().enumerate() {
             energy.check(optics, tolerance)?;
             let columns = Columns::of(optics, lattice, energy.detector.as_ref());
-            params.push(energy.params(device, (optics, lattice), &columns, rays, &mut buffers)?);
+            let mut made =
+                energy.params(device, (optics, lattice), &columns, rays, &mut buffers)?;
+            let factors = laws.factors(media, node, &energy.frequencies);
+            if !factors.is_empty() {
+                let factors = device.upload("contrasts of media", &factors)?;
+                made.laws = factors.address();
+                buffers.push(factors);
+            }
+            params.push(made);
         }
         let columns = Columns::of(optics, lattice, None);
         let first = optics.spot.placed().first().map_or(0.0, |part| part.offset[1]);
@@ -125,11 +137,12 @@ impl WavePlan {
             spacing: spacing.rays,
             energies: numbers::count(params.len()),
             materials: numbers::count(media.names.len()),
+            laws: laws.count(),
             lever: optics.lever_arm,
             row_shift: optics.rows_of_source(first),
             offsets: optics.offsets.lists().to_vec(),
             params: device.upload("lines", &params)?,
-            media: device.upload("phases of materials", &materials(optics, media))?,
+            media: device.upload("phases of materials", &materials(optics, media, &laws))?,
             _buffers: buffers,
         })
     }
@@ -205,10 +218,10 @@ fn rays_of(optics: &Optics, energies: &[Energy]) -> Result<u32> {
 }
 
 /// Records of the materials by energy.
-fn materials(optics: &Optics, media: &MaterialTable) -> Vec<WaveMaterial> {
+fn materials(optics: &Optics, media: &MaterialTable, laws: &Laws) -> Vec<WaveMaterial> {
     let of_energy = |(energy, constants): (&f64, &Vec<Constants>)| {
         let wavelength = wavelength(*energy);
-        let of = |constants: &Constants| {
+        let of = |(material, constants): (usize, &Constants)| {
             let cycles = constants.delta / wavelength;
             WaveMaterial {
                 cycles: single(cycles),
@@ -218,9 +231,10 @@ fn materials(optics: &Optics, media: &MaterialTable) -> Vec<WaveMaterial> {
                 scattering: single(
                     constants.scattering * (optics.cell_plane / optics.analyser).powi(2),
                 ),
+                law: laws.of_material(material),
             }
         };
-        constants.iter().map(of).collect::<Vec<_>>()
+        constants.iter().enumerate().map(of).collect::<Vec<_>>()
     };
     media.energies.iter().zip(&media.constants).flat_map(of_energy).collect()
 }

@@ -3,6 +3,8 @@
 
 mod contrasts;
 mod light;
+mod microstructure;
+mod packings;
 mod transports;
 
 use crate::reference::normal::SIGMA_PER_FWHM;

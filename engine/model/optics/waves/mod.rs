@@ -19,6 +19,7 @@ pub use bodies::{Bodies, Body};
 pub use error::{FlatError, remedies};
 pub use pixel::Pixel;
 pub use structure::Form;
+pub(crate) use structure::{structure_by_rays, structure_by_waves};
 
 /// Energy node: photon energy in keV, weight, and light that the bars of both masks transmit.
 pub type Node = (f64, f64, [f64; 2]);

@@ -27,7 +27,7 @@ pub enum Form {
 
 /// D by waves: ∫ [1 − cos(φ(x − Λ/2) − φ(x + Λ/2))] over x, m, for a cylinder; over x and z, m², for a
 /// sphere. `phase`: 2kΔδ, phase per metre of half the chord, rad/m; `shear`: Λ, m.
-pub(super) fn structure_by_waves(form: Form, radius: f64, phase: f64, shear: f64) -> f64 {
+pub(crate) fn structure_by_waves(form: Form, radius: f64, phase: f64, shear: f64) -> f64 {
     match form {
         Form::Cylinder => cylinder(radius, phase, shear),
         Form::Sphere => {
@@ -41,7 +41,7 @@ pub(super) fn structure_by_waves(form: Form, radius: f64, phase: f64, shear: f64
 }
 
 /// D by rays: the same with Λφ'(x) in place of the difference.
-pub(super) fn structure_by_rays(form: Form, radius: f64, phase: f64, shear: f64) -> f64 {
+pub(crate) fn structure_by_rays(form: Form, radius: f64, phase: f64, shear: f64) -> f64 {
     let lost = 1.0 - times_bessel(phase.abs() * shear.abs());
     match form {
         Form::Cylinder => 2.0 * radius * lost,

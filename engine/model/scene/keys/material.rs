@@ -2,7 +2,7 @@
 
 use super::prelude::*;
 use crate::scene::formula::check_formula;
-use crate::scene::{MaterialSpec, Scattering, path};
+use crate::scene::{BodyShape, MaterialSpec, Microstructure, Scattering, Scene, path};
 
 /// How far the weights of a mixture may be from 1, or in per cent from 100: tables round theirs.
 const WEIGHTS_OFF: f64 = 0.005;
@@ -18,17 +18,31 @@ pub(crate) struct MaterialEntry {
     scattering: Option<f64>,
     scattering_exponent: Option<f64>,
     scattering_energy: Option<f64>,
+    pub(crate) microstructure: Option<Microstructure>,
 }
 
 impl MaterialEntry {
-    /// The entry of a material with its scattering.
-    pub(crate) fn new(spec: MaterialSpec, scattering: Option<&Scattering>) -> Self {
-        let by_energy = scattering.filter(|it| it.exponent != 0.0);
+    /// The entry of a material that has no structure.
+    fn new(spec: MaterialSpec) -> Self {
         Self {
             spec,
+            scattering: None,
+            scattering_exponent: None,
+            scattering_energy: None,
+            microstructure: None,
+        }
+    }
+
+    /// The entry of a material of a scene.
+    pub(crate) fn of(scene: &Scene, name: &str, spec: &MaterialSpec) -> Self {
+        let scattering = scene.scattering.get(name);
+        let by_energy = scattering.filter(|it| it.exponent != 0.0);
+        Self {
             scattering: scattering.map(|it| it.variance),
             scattering_exponent: by_energy.map(|it| it.exponent),
             scattering_energy: by_energy.and_then(|it| it.energy),
+            microstructure: scene.microstructures.get(name).cloned(),
+            ..Self::new(spec.clone())
         }
     }
 
@@ -70,6 +84,9 @@ keys! { MATERIALS: MaterialEntry, "materials.NAME",
         "Power of the photon energy that `scattering` is proportional to; with `scattering_energy`.";
     scattering_energy => Quantity(Energy, POSITIVE), Without("none: the same at all energies"), r#""30 keV""#,
         "Photon energy of `scattering`; with `scattering_exponent`.";
+    microstructure => Inner(&MICROSTRUCTURE.spec), Without("none"),
+        r#"{ shape = "spheres", diameter = "10 um", fraction = 0.4, of = "silica" }"#,
+        "Bodies at random places in the material, in place of `scattering`.";
 }
 
 impl Record for MaterialEntry {
@@ -86,7 +103,7 @@ impl Record for MaterialEntry {
         } else {
             MaterialSpec::Formula { formula: String::new(), density }
         };
-        Self::new(spec, None)
+        Self::new(spec)
     }
 
     fn finish(&mut self, table: &Table<'_>) -> Result<()> {
@@ -104,6 +121,10 @@ impl Record for MaterialEntry {
         if let MaterialSpec::Formula { formula, .. } = &self.spec {
             faults.note(chemical(&key("formula"), formula));
         }
+        if self.microstructure.is_some() && self.scattering.is_some() {
+            let found = "bodies beside `scattering`";
+            faults.add(Error::scene(key("microstructure"), found, "one of the two"));
+        }
         if self.scattering_exponent.is_some() && self.scattering_energy.is_none() {
             let allowed = "the energy of `scattering`";
             faults.add(Error::scene(
@@ -111,6 +132,54 @@ impl Record for MaterialEntry {
                 "nothing: the key is missing",
                 allowed,
             ));
+        }
+    }
+}
+
+keys! { MICROSTRUCTURE: Microstructure, "materials.NAME.microstructure", [],
+    ["size" => "diameter", "fill" => "fraction", "material" => "of", "diameter_spread" => "spread"];
+    shape => Word(BODIES), Required, r#""spheres""#,
+        "Spheres; voids, which are spheres of air; or long cylinders of all directions.";
+    diameter => Quantity(Length, BODY), Required, r#""10 um""#, "Diameter of the bodies, the median of a spread.";
+    spread => Number("a standard deviation of ln(diameter)", within(0.0, limits::DIAMETER_SPREAD)),
+        Default("0.0"), "0.2", "How much diameters differ; 0 makes all equal.";
+    fraction => Number("a fraction of the volume", POSITIVE), Required, "0.4",
+        "Share of the volume that the bodies have, up to 0.74 (spheres, voids) or 0.5 (cylinders).";
+    of => MATERIAL, Without("`\"air\"` with `shape = \"voids\"`, else required"), r#""silica""#,
+        "Material of the bodies.";
+}
+
+words!(BodyShape, BODIES: "spheres" => Spheres, "voids" => Voids, "cylinders" => Cylinders);
+
+/// Diameters of bodies that X-rays of a laboratory tell from a solution and from parts.
+const BODY: Range = Range { low: Some((1e-9, true)), high: Some((1e-2, true)) };
+
+impl Record for Microstructure {
+    const KEYS: &'static Keys<Self> = &MICROSTRUCTURE;
+
+    fn begin(_: &dyn Fn(&str) -> bool) -> Self {
+        Self::new(BodyShape::Spheres, "", f64::NAN, f64::NAN)
+    }
+
+    fn finish(&mut self, table: &Table<'_>) -> Result<()> {
+        match (table.get("of"), self.shape) {
+            (None, BodyShape::Voids) => self.of = "air".into(),
+            (None, BodyShape::Spheres | BodyShape::Cylinders) => {
+                table.require("of")?;
+            }
+            (Some(_), _) => {}
+        }
+        Ok(())
+    }
+
+    fn relations(&self, key: &dyn Fn(&str) -> String, faults: &mut Faults) {
+        let (most, why) = match self.shape {
+            BodyShape::Spheres | BodyShape::Voids => (0.74, "the closest packing of equal spheres"),
+            BodyShape::Cylinders => (0.5, "cylinders of all directions"),
+        };
+        if self.fraction > most {
+            let allowed = format!("a number > 0, up to {most} for {why}; or `scattering`");
+            faults.add(Error::scene(key("fraction"), format!("{:?}", self.fraction), allowed));
         }
     }
 }
