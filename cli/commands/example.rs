@@ -56,6 +56,11 @@ const SHIPPED: &[Shipped] = &[
         files: files!("tomography": "scene.toml", "thick.csv"),
     },
     Shipped {
+        name: "powder",
+        about: "powder of silica spheres of 10 um in a cuvette of 10 mm, as a material",
+        files: files!("powder": "scene.toml"),
+    },
+    Shipped {
         name: "two-d",
         about: "polyethylene sphere behind masks of square apertures, steps along x and z",
         files: files!("two-d": "scene.toml"),
