@@ -29,7 +29,7 @@ struct SpreadPart {
 const NARROW: [SpreadPart; 1] = [SpreadPart { deviations: 0.0, share: 1.0 }];
 /// Gauss-Hermite points: windows are of ninth degree at most over the spread.
 const SPREAD: [SpreadPart; 5] = [
-    SpreadPart { deviations: 0.0, share: 0.533_333_33 },
+    SpreadPart { deviations: 0.0, share: 8.0 / 15.0 },
     SpreadPart { deviations: -1.355_626_2, share: 0.222_075_92 },
     SpreadPart { deviations: 1.355_626_2, share: 0.222_075_92 },
     SpreadPart { deviations: -2.856_97, share: 0.011_257_412 },
