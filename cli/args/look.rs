@@ -15,6 +15,7 @@ use std::path::PathBuf;
     beamlet check scene.toml --plot curve.svg\n  \
     beamlet check scene.toml --json\n  \
     beamlet check run\n\n\
+    For a scene, the line \"sampling\" has the measured error of some beamlets and rows.\n\n\
     For a run, every view and its moments are compared with their checksums; the exit code is 1 if any differs.")]
 pub(crate) struct Check {
     #[command(flatten)]
