@@ -53,7 +53,10 @@ pub(crate) struct Spectrum {
     beamlet material\n  \
     beamlet material gold --energy '30 keV' --thickness '225 um'\n  \
     beamlet material C5H8O2 --density '1.18 g/cm3' --energy '20 keV' --energy '30 keV'\n  \
-    beamlet material water --spectrum tube.csv --thickness '1 cm'\n\n\
+    beamlet material water --spectrum tube.csv --thickness '1 cm'\n  \
+    beamlet material powder --spectrum scene.toml\n\n\
+    With a scene, a material with microstructure also shows its dark field in that set-up, what is assumed, and \
+    warnings.\n\n\
     mu: photoabsorption, coherent and incoherent scattering, Elam, Ravel and Sieber (2002). \
     delta: f1 of Chantler (2000). The refractive index is n = 1 - delta + i beta.")]
 pub(crate) struct Material {
