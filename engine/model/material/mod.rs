@@ -199,10 +199,8 @@ pub(crate) fn host_and_bodies(
     structure: &Microstructure,
     energies: &[f64],
 ) -> Result<[Vec<Constants>; 2]> {
-    let key = key_of_bodies(name);
     let host = Asked { scene, name, key: None, of_scene: true };
-    let bodies = Asked { name: &structure.of, key: Some(&key), ..host };
-    Ok([host.bulk(energies)?, bodies.bulk(energies)?])
+    Ok([host.bulk(energies)?, host.of_bodies(structure, energies)?])
 }
 
 impl Asked<'_> {
@@ -210,16 +208,19 @@ impl Asked<'_> {
     fn constants(&self, energies: &[f64]) -> Result<Vec<Constants>> {
         let mut constants = self.bulk(energies)?;
         if let Some(structure) = self.scene.microstructures.get(self.name) {
-            let key = key_of_bodies(self.name);
-            let Self { scene, of_scene, .. } = *self;
-            let bodies = Asked { scene, name: &structure.of, key: Some(&key), of_scene };
             let mean = |host: f64, body: f64| host + structure.fraction * (body - host);
-            for (host, body) in constants.iter_mut().zip(bodies.bulk(energies)?) {
+            for (host, body) in constants.iter_mut().zip(self.of_bodies(structure, energies)?) {
                 host.mu = mean(host.mu, body.mu);
                 host.delta = mean(host.delta, body.delta);
             }
         }
         Ok(constants)
+    }
+
+    /// Constants of the bodies in the material.
+    fn of_bodies(&self, structure: &Microstructure, energies: &[f64]) -> Result<Vec<Constants>> {
+        let key = key_of_bodies(self.name);
+        Asked { name: &structure.of, key: Some(&key), ..*self }.bulk(energies)
     }
 
     /// Constants of the material without bodies.

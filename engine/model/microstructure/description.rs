@@ -103,7 +103,7 @@ impl Description {
         }
     }
 
-    /// What is assumed.
+    /// Assumptions about places and sizes, and where the contrast is taken.
     #[must_use]
     pub fn assumptions(&self) -> Vec<String> {
         let places = match (self.shape, self.is_extrapolated) {

@@ -39,11 +39,11 @@ pub struct Bodies {
 /// Loss of contrast per path length, −d ln(contrast)/dl, 1/m.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Loss {
-    /// By waves, with the order of bodies among each other.
+    /// Loss by waves, with the order of bodies among one another.
     pub value: f64,
-    /// By waves, of as many bodies at independent places.
+    /// Loss by waves of as many bodies at independent places.
     pub independent: f64,
-    /// By rays, of bodies at independent places.
+    /// Loss by rays of bodies at independent places.
     pub rays: f64,
     /// Error of `value` as a fraction of it, by different sizes and by phases that are not small.
     pub error: f64,
@@ -95,7 +95,7 @@ impl Bodies {
         let spheres = HardSpheres::new(self.fraction);
         let of_size = |size: &Size| {
             let form = form(size.radius, phase);
-            size.density * form * form * correlation(&spheres, size.radius, size.radius, shear)
+            size.density * form * form * correlation(&spheres, size.radius, shear)
         };
         let local: f64 = self.sizes.iter().map(of_size).sum();
         // Small phases add their correlations; otherwise they are the same part of the loss at least.
@@ -105,19 +105,15 @@ impl Bodies {
         }
         let value = f64::midpoint(by_sum.max(0.0), by_part);
         let by_phase = 0.5 * (by_sum - by_part).abs();
-        let by_sizes = (local - self.decoupled(&spheres, phase, shear)).abs();
+        let by_sizes = match self.sizes.len() {
+            1 => 0.0,
+            _ => (local - self.decoupled(&spheres, phase, shear)).abs(),
+        };
         Loss { value, independent, rays, error: (by_phase + by_sizes) / value }
     }
 
     /// Correlations of spheres whose sizes do not depend on their places.
     fn decoupled(&self, spheres: &HardSpheres, phase: f64, shear: f64) -> f64 {
-        if let [size] = self.sizes.as_slice() {
-            let form = form(size.radius, phase);
-            return size.density
-                * form
-                * form
-                * correlation(spheres, size.radius, size.radius, shear);
-        }
         let number: f64 = self.sizes.iter().map(|size| size.density).sum();
         let volume: f64 = self.sizes.iter().map(|size| size.density * size.radius.powi(3)).sum();
         let mean = libm::cbrt(volume / number);
@@ -182,10 +178,10 @@ fn amplitude(x: f64) -> f64 {
     3.0 * (libm::sin(x) - x * libm::cos(x)) / (x * x * x)
 }
 
-/// Change of the loss by the places of spheres of a radius among neighbours of another, over the square of `form`.
-fn correlation(spheres: &HardSpheres, radius: f64, neighbour: f64, shear: f64) -> f64 {
+/// Change of the loss by the places of spheres of a radius among one another, over the square of `form`.
+fn correlation(spheres: &HardSpheres, radius: f64, shear: f64) -> f64 {
     integral(radius, shear, |q| {
-        amplitude(q * radius).powi(2) * (spheres.structure_factor(2.0 * q * neighbour) - 1.0)
+        amplitude(q * radius).powi(2) * (spheres.structure_factor(2.0 * q * radius) - 1.0)
     })
 }
 

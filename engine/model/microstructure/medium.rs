@@ -29,16 +29,10 @@ impl Medium {
         energies: &[f64],
     ) -> Result<Vec<Self>> {
         let [hosts, bodies] = host_and_bodies(scene, name, structure, energies)?;
-        let of_energy = |((energy, host), body): ((&f64, _), _)| {
-            let (host, body): (&crate::material::Constants, &crate::material::Constants) =
-                (host, body);
-            Self {
-                bodies: Bodies::new(structure),
-                energy: *energy,
-                contrast: body.delta - host.delta,
-            }
-        };
-        Ok(energies.iter().zip(&hosts).zip(&bodies).map(of_energy).collect())
+        let contrasts = hosts.iter().zip(&bodies).map(|(host, body)| body.delta - host.delta);
+        let bodies = Bodies::new(structure);
+        let medium = |(&energy, contrast)| Self { bodies: bodies.clone(), energy, contrast };
+        Ok(energies.iter().zip(contrasts).map(medium).collect())
     }
 
     /// Loss of contrast per path length at a shear, m.

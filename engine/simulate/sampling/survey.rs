@@ -72,12 +72,8 @@ pub(crate) fn survey_rows(
     take: TakePart<'_>,
 ) -> Result<RowsCost> {
     let places = PatchPlaces::new(view, rows.clone());
-    // By row: patches that are spread over the list are spread over its rows.
-    let of_row = |row: i64| view.lattice.beamlets.clone().map(move |beamlet| (beamlet, row));
-    let touched = rows.flat_map(of_row);
-    let touched = touched.filter(|(beamlet, row)| places.is_touched(*beamlet, *row));
     let kinds: (Vec<_>, Vec<_>) =
-        touched.partition(|(beamlet, row)| !places.is_crowded(*beamlet, *row));
+        touched(view, rows, &places).partition(|(beamlet, row)| !places.is_crowded(*beamlet, *row));
     let mut cost = RowsCost::default();
     for patches in [kinds.0, kinds.1].into_iter().filter(|it| !it.is_empty()) {
         let begin = Instant::now();
@@ -120,9 +116,7 @@ pub(crate) fn count_patches(
     (most, start): (f64, f64),
 ) -> Result<Tally> {
     let places = PatchPlaces::new(view, rows.clone());
-    let of_row = |row: i64| view.lattice.beamlets.clone().map(move |beamlet| (beamlet, row));
-    let touched: Vec<_> =
-        rows.flat_map(of_row).filter(|(beamlet, row)| places.is_touched(*beamlet, *row)).collect();
+    let touched: Vec<_> = touched(view, rows, &places).collect();
     let mut tally = Tally::default();
     let mut add = |_: &mut Tracer, batch: CellBatch, _: Vec<(i64, i64)>| {
         tally = tally + batch.tally;
@@ -132,6 +126,16 @@ pub(crate) fn count_patches(
     let ignored = &mut |_: &Tracer, _| {};
     sample_patches(view, tracer, (&chosen, &places), (lit, &ROOM), &mut add, ignored)?;
     Ok(tally)
+}
+
+/// Patches of some rows that shadows touch, by row: patches that are spread over the list are spread over its rows.
+fn touched(
+    view: &ViewContext<'_>,
+    rows: Range<i64>,
+    places: &PatchPlaces,
+) -> impl Iterator<Item = (i64, i64)> {
+    let of_row = |row: i64| view.lattice.beamlets.clone().map(move |beamlet| (beamlet, row));
+    rows.flat_map(of_row).filter(|(beamlet, row)| places.is_touched(*beamlet, *row))
 }
 
 /// At most `most` of some patches, evenly spread.
