@@ -70,16 +70,14 @@ impl Sink for ArraySink {
         let extent = StackShape::of(scene)?;
         let StackShape { views, flats, darks, steps, rows, columns } = extent;
         let [steps, rows, columns] = [steps, rows, columns].map(|n| n as usize);
+        // Pages come with their first value, so that a stop need not wait for gigabytes of zeros.
         let zeros = |len: usize| {
-            let mut values = Vec::new();
-            values.try_reserve_exact(len).map_err(|_| Error::Memory {
+            bytemuck::allocation::try_zeroed_vec::<f32>(len).map_err(|()| Error::Memory {
                 purpose: "holding the stacks in arrays".into(),
                 needed: extent.output_bytes(scene),
                 available: None,
                 remedy: "write them to a run directory instead, or simulate fewer views".into(),
-            })?;
-            values.resize(len, 0.0_f32);
-            Ok(values)
+            })
         };
         let frames = steps * rows * columns;
         self.record = None;
