@@ -12,6 +12,7 @@ pub(crate) mod drawing;
 mod font;
 pub(crate) mod illumination;
 pub(crate) mod image;
+mod impostors;
 pub(crate) mod objects;
 pub(crate) mod palette;
 pub(crate) mod profile;

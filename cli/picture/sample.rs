@@ -2,13 +2,17 @@
 
 use super::colour::{Rgb, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
+use super::impostors::{Impostors, Surface, View};
 use super::palette::{colour_of, colour_of_object, materials};
 use super::text::{cut, length, wrapped};
 use crate::numbers::{self, single};
 use beamlet::cli_support::require_memory;
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
-use beamlet::{Backend, Engine, EngineOptions, Ray, Result, SurfaceCrossing, uncovered};
+use beamlet::{
+    Backend, Engine, EngineOptions, Ray, Result, Simulation, SurfaceCrossing, uncovered,
+};
+use glam::DVec3;
 
 /// Where the sample is looked at from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -34,8 +38,8 @@ const FINE: usize = 3;
 /// Pixels that are looked at again together.
 const TOGETHER: usize = 1 << 15;
 /// Bytes of the picture while it is made: rays and colours of its pixels, crossings on host and
-/// device.
-const WHILE_MADE: u64 = 192 << 20;
+/// device, bodies in front at each place that is looked at.
+const WHILE_MADE: u64 = 256 << 20;
 /// Materials in the legend with their objects, and without.
 const FULL: usize = 10;
 const CLOSE: usize = 21;
@@ -54,10 +58,11 @@ pub(crate) fn draw(
     let mut drawing = Drawing::new(SIZE + 250.0, SIZE + 20.0);
     let picture = Picture::of(scene, sample, camera);
     let side = numbers::whole::<usize>(SIZE * SCALE);
-    let options = EngineOptions::default().with_device(device.map(str::to_owned));
-    let engine = Engine::open(&options.with_backend(Backend::Bvh))?;
-    let turned = turned(scene, camera, picture.reach);
-    let pixels = render(&engine, &turned, &picture, side)?;
+    require_memory(WHILE_MADE, "the picture of the sample")?;
+    let shapes = Impostors::objects(sample, &picture.translucent);
+    let traced = Traced::of(scene, sample, &picture, &shapes, device)?;
+    let impostors = Impostors::draw(sample, &shapes, &picture.view, FINE * side);
+    let pixels = render(traced.as_ref(), &impostors, &picture, side)?;
     let area = Area::new(10.0, 10.0, SIZE, SIZE);
     drawing.pixels(area, side, pixels);
     legend(&mut drawing, scene, sample, &picture);
@@ -66,11 +71,8 @@ pub(crate) fn draw(
 
 /// Properties of the sample for the picture.
 struct Picture {
-    /// Centre of the sample after turning, m: the middle of the picture.
-    centre: [f64; 3],
-    /// Half the width of the picture, m.
-    half: f64,
-    /// Farthest point of the sample from the rotation centre, m.
+    view: View,
+    /// No point of the sample is farther from the rotation centre, m.
     reach: f64,
     camera: Camera,
     colours: Vec<Rgb>,
@@ -79,21 +81,17 @@ struct Picture {
 
 impl Picture {
     fn of(scene: &Scene, sample: &Sample, camera: Camera) -> Self {
-        let turn = turn(camera);
-        let mut bounds = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-        let mut reach = 0.0_f64;
-        for vertex in sample.points() {
-            let [x, y, z] = vertex;
-            reach = reach.max(x.hypot(y).hypot(z));
-            let at = times(&turn, vertex);
-            for axis in 0..3 {
-                bounds[0][axis] = bounds[0][axis].min(at[axis]);
-                bounds[1][axis] = bounds[1][axis].max(at[axis]);
-            }
-        }
-        let [low, high] = bounds;
-        let centre = [0, 1, 2].map(|axis| f64::midpoint(low[axis], high[axis]));
-        let half = (high[0] - low[0]).max(high[2] - low[2]) / 2.0 * 1.12;
+        let axes = turn(camera).map(DVec3::from_array);
+        let vertices = || sample.vertices.iter().map(|it| DVec3::from_array(*it));
+        let extent = axes.map(|axis| {
+            let own = vertices().map(|it| axis.dot(it)).map(|it| [it, it]);
+            let placed = sample.placed.iter().map(|it| sample.extent_of_placed(it, axis));
+            own.chain(placed).fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], it| {
+                [low.min(it[0]), high.max(it[1])]
+            })
+        });
+        let half = [extent[0], extent[2]].map(|[low, high]| high - low);
+        let farthest = extent.map(|[low, high]| low.abs().max(high.abs()));
         let count = sample.objects.len();
         // Objects around another object or a void are translucent.
         let translucent = (0..count).map(|object| {
@@ -104,9 +102,12 @@ impl Picture {
         });
         let colour = |object| colour_of_object(scene, u32::try_from(object).ok());
         Self {
-            centre,
-            half,
-            reach,
+            view: View {
+                axes,
+                centre: extent.map(|[low, high]| f64::midpoint(low, high)),
+                half: half[0].max(half[1]) / 2.0 * 1.12,
+            },
+            reach: DVec3::from_array(farthest).length(),
             camera,
             colours: (0..count).map(colour).collect(),
             translucent: translucent.collect(),
@@ -116,22 +117,21 @@ impl Picture {
     /// The ray through a point of the picture, -1..=1 to the right and upwards: parallel, into
     /// the picture along +y.
     fn ray(&self, across: f64, up: f64) -> Ray {
-        let x = single(self.centre[0] + across * self.half);
-        let z = single(self.centre[2] + up * self.half);
-        Ray::new(0, [x, z], [0.0; 2])
+        let View { centre, half, .. } = self.view;
+        let [x, z] = [centre[0] + across * half, centre[2] + up * half];
+        Ray::new(0, [single(x), single(z)], [0.0; 2])
     }
 
-    /// Colour behind the crossings of a ray, and its first crossing: where neighbours differ in it, more
-    /// rays are traced.
-    fn seen(&self, met: &[SurfaceCrossing]) -> ([f64; 3], u64) {
-        let met = uncovered(met);
+    /// Colour of surfaces one behind another, and a number of those that show: where neighbours differ in
+    /// it, more rays are traced.
+    fn seen(&self, met: &[Surface]) -> ([f64; 3], u64) {
         let mut light = [0.0; 3];
         let mut through = 1.0;
-        let mut key = met.len() as u64;
-        for crossing in &met {
-            let object = crossing.object as usize;
-            let [x, y, z] = crossing.normal.map(f64::from);
-            key = (key ^ u64::from(crossing.object)).wrapping_mul(0x0100_0000_01b3);
+        let mut key = 0_u64;
+        for surface in met {
+            let object = surface.object as usize;
+            let [x, y, z] = surface.normal.map(f64::from);
+            key = (key ^ (1 + u64::from(surface.object))).wrapping_mul(0x0100_0000_01b3);
             let facing = y.abs().min(1.0);
             // Towards the viewer, whichever side is seen.
             let side = if y > 0.0 { -1.0 } else { 1.0 };
@@ -159,15 +159,92 @@ impl Picture {
     }
 }
 
-fn render(engine: &Engine, turned: &Scene, picture: &Picture, side: usize) -> Result<Vec<Rgb>> {
-    let simulation = engine.prepare(turned)?;
-    require_memory(WHILE_MADE, "the picture of the sample")?;
-    let at = |index: f64| (index + 0.5) / side as f64 * 2.0 - 1.0;
-    let rays: Vec<Ray> = (0..side * side)
-        .map(|i| picture.ray(at((i % side) as f64), -at((i / side) as f64)))
-        .collect();
-    let mut seen = Vec::with_capacity(rays.len());
-    simulation.crossings(&rays, CROSSINGS, |_, met| seen.push(picture.seen(met)))?;
+/// The objects that rays look for.
+struct Traced {
+    simulation: Simulation,
+    /// Their indices in the whole scene.
+    objects: Vec<u32>,
+}
+
+impl Traced {
+    /// Opens a device for the objects that are not drawn as `shapes`; `None` where there are none.
+    fn of(
+        scene: &Scene,
+        sample: &Sample,
+        picture: &Picture,
+        shapes: &[bool],
+        device: Option<&str>,
+    ) -> Result<Option<Self>> {
+        let objects: Vec<u32> =
+            (0..numbers::count(sample.objects.len())).filter(|it| !shapes[*it as usize]).collect();
+        if objects.is_empty() {
+            return Ok(None);
+        }
+        let options = EngineOptions::default().with_device(device.map(str::to_owned));
+        let engine = Engine::open(&options.with_backend(Backend::Bvh))?;
+        let mut turned = turned(scene, picture.camera, picture.reach);
+        let mut shapes = shapes.iter();
+        turned.objects.retain(|_| shapes.next().is_none_or(|is_shape| !is_shape));
+        Ok(Some(Self { simulation: engine.prepare(&turned)?, objects }))
+    }
+
+    /// Calls `visit` with the index of each ray, in order, and its surfaces from front to back.
+    fn find(&self, rays: &[Ray], mut visit: impl FnMut(usize, Vec<Surface>)) -> Result<()> {
+        self.simulation.crossings(rays, CROSSINGS, |ray, met| {
+            let surface = |it: &SurfaceCrossing| Surface {
+                depth: it.y,
+                object: self.objects[it.object as usize],
+                normal: it.normal,
+            };
+            visit(ray, uncovered(met).iter().map(surface).collect());
+        })
+    }
+}
+
+/// Places that are looked at: pixels, and parts of pixels.
+struct Place {
+    column: usize,
+    row: usize,
+}
+
+/// Calls `visit` with the surfaces at places of a picture of `side` columns, in order.
+fn look(
+    traced: Option<&Traced>,
+    impostors: &Impostors<'_>,
+    picture: &Picture,
+    places: &[Place],
+    mut visit: impl FnMut(usize, &[Surface]),
+) -> Result<()> {
+    let mut at = |index: usize, mut met: Vec<Surface>| {
+        let Place { column, row } = places[index];
+        if let Some(front) = impostors.at(column, row) {
+            met.insert(met.partition_point(|it| it.depth < front.depth), front);
+        }
+        visit(index, &met);
+    };
+    let Some(traced) = traced else {
+        (0..places.len()).for_each(|index| at(index, Vec::new()));
+        return Ok(());
+    };
+    let place = |index| View::place(index, impostors.side());
+    let ray = |it: &Place| picture.ray(place(it.column), -place(it.row));
+    traced.find(&places.iter().map(ray).collect::<Vec<_>>(), at)
+}
+
+/// Colours of `side` rows of as many pixels; `impostors` has `FINE` times as many.
+fn render(
+    traced: Option<&Traced>,
+    impostors: &Impostors<'_>,
+    picture: &Picture,
+    side: usize,
+) -> Result<Vec<Rgb>> {
+    let part = |pixel: usize, [across, down]: [usize; 2]| Place {
+        column: FINE * (pixel % side) + across,
+        row: FINE * (pixel / side) + down,
+    };
+    let middles: Vec<Place> = (0..side * side).map(|it| part(it, [FINE / 2; 2])).collect();
+    let mut seen = Vec::with_capacity(middles.len());
+    look(traced, impostors, picture, &middles, |_, met| seen.push(picture.seen(met)))?;
     // Pixels beside which something else is seen are looked at again, finer.
     let differs = |i: usize| {
         let (x, y) = (i % side, i / side);
@@ -187,20 +264,15 @@ fn render(engine: &Engine, turned: &Scene, picture: &Picture, side: usize) -> Re
     };
     let edges: Vec<usize> = (0..seen.len()).filter(|i| differs(*i)).collect();
     for pixels in edges.chunks(TOGETHER) {
-        let fine: Vec<Ray> = pixels
-            .iter()
-            .flat_map(|i| {
-                (0..FINE * FINE).map(move |part| {
-                    let off = |k: usize| (k as f64 + 0.5) / FINE as f64 - 0.5;
-                    let (x, y) = ((i % side) as f64, (i / side) as f64);
-                    picture.ray(at(x + off(part % FINE)), -at(y + off(part / FINE)))
-                })
-            })
-            .collect();
+        let parts = |i: &usize| {
+            let i = *i;
+            (0..FINE * FINE).map(move |at| part(i, [at % FINE, at / FINE]))
+        };
+        let fine: Vec<Place> = pixels.iter().flat_map(parts).collect();
         let mut sums = vec![[0.0; 3]; pixels.len()];
-        simulation.crossings(&fine, CROSSINGS, |ray, met| {
+        look(traced, impostors, picture, &fine, |at, met| {
             let (light, _) = picture.seen(met);
-            let sum = &mut sums[ray / (FINE * FINE)];
+            let sum = &mut sums[at / (FINE * FINE)];
             (0..3).for_each(|i| sum[i] += light[i] / (FINE * FINE) as f64);
         })?;
         for (pixel, sum) in pixels.iter().zip(sums) {
@@ -331,7 +403,7 @@ fn triad(drawing: &mut Drawing, picture: &Picture, at: [f64; 2]) {
 }
 
 fn scale_bar(drawing: &mut Drawing, picture: &Picture, left: f64) {
-    let metres_per_pixel = 2.0 * picture.half / SIZE;
+    let metres_per_pixel = 2.0 * picture.view.half / SIZE;
     let most = 150.0 * metres_per_pixel;
     let power = 10.0_f64.powf(most.log10().floor());
     let size = [5.0, 2.0, 1.0].map(|part| part * power).into_iter().find(|s| *s <= most);

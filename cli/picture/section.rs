@@ -1,7 +1,9 @@
 //! The sample seen from above: its section in the plane z = 0, and its convex outline.
 
 use beamlet::geometry::Sample;
+use glam::{DVec2, DVec3};
 use std::collections::HashMap;
+use std::f64::consts::TAU;
 
 /// An edge of the mesh: its two vertices, the lower one first.
 type MeshEdge = (u32, u32);
@@ -71,27 +73,32 @@ fn signed_area(points: &[[f64; 2]]) -> f64 {
     turned.map(|(a, b)| a[0] * b[1] - a[1] * b[0]).sum::<f64>() / 2.0
 }
 
-/// Objects with their triangles, which lie together in a sample.
-pub(super) fn by_object(sample: &Sample) -> impl Iterator<Item = (u32, &[[u32; 3]])> {
-    let object = |component: u32| sample.components[component as usize].object;
-    let mut rest = sample.triangles.as_slice();
-    sample.triangle_component.chunk_by(move |a, b| object(*a) == object(*b)).map(move |group| {
-        let (triangles, after) = rest.split_at(group.len());
-        rest = after;
-        (object(group[0]), triangles)
-    })
+/// Directions in which the outlines of placed shapes are known: between them a circle is cut off by 0.1 %.
+const DIRECTIONS: u32 = 64;
+
+/// Convex outlines of the objects from above, by object, m; empty where an object has no surface.
+pub(super) fn outlines(sample: &Sample) -> Vec<Vec<[f64; 2]>> {
+    let mut points: Vec<Vec<[f64; 2]>> = vec![Vec::new(); sample.objects.len()];
+    let object = |component: u32| sample.components[component as usize].object as usize;
+    for (triangle, component) in sample.triangles.iter().zip(&sample.triangle_component) {
+        let corners = triangle.map(|vertex| {
+            let [x, y, _] = sample.vertices[vertex as usize];
+            [x, y]
+        });
+        points[object(*component)].extend(corners);
+    }
+    let directions: Vec<DVec3> = (0..DIRECTIONS)
+        .map(|it| DVec2::from_angle(TAU * f64::from(it) / f64::from(DIRECTIONS)).extend(0.0))
+        .collect();
+    for placed in &sample.placed {
+        let farthest = directions.iter().map(|it| sample.farthest_of_placed(placed, *it));
+        points[object(placed.component)].extend(farthest.map(|it| [it.x, it.y]));
+    }
+    points.into_iter().map(outline).collect()
 }
 
-/// Convex outline from above of triangles, m.
-pub(super) fn outline(sample: &Sample, triangles: &[[u32; 3]]) -> Vec<[f64; 2]> {
-    let mut points: Vec<[f64; 2]> = triangles
-        .iter()
-        .flatten()
-        .map(|vertex| {
-            let [x, y, _] = sample.vertices[*vertex as usize];
-            [x, y]
-        })
-        .collect();
+/// Convex outline of points.
+fn outline(mut points: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
     points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
     points.dedup();
     let half = |points: &mut dyn Iterator<Item = [f64; 2]>| {
@@ -165,8 +172,8 @@ mod tests {
         // Shapes have the area of the circle.
         let area = std::f64::consts::PI * 1e-6;
         assert!((loops[0].area / area - 1.0).abs() < 1e-9, "{}", loops[0].area);
-        let hull = outline(&sample, &sample.triangles);
-        assert!((signed_area(&hull).abs() / area - 1.0).abs() < 1e-9);
+        let hull = &outlines(&sample)[0];
+        assert!((signed_area(hull).abs() / area - 1.0).abs() < 1e-9);
         let thin = thinned(&loops[0].points, 1e-5);
         assert!(thin.len() < 60 && (signed_area(&thin) / area - 1.0).abs() < 0.02);
     }

@@ -4,12 +4,13 @@ use super::axes::{Axes, BELOW, LEFT};
 use super::colour::{Rgb, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint, text_width};
 use super::palette::{self, colour_of_object, pale};
-use super::section::{Loop, by_object, outline, section, thinned};
+use super::section::{Loop, outlines, section, thinned};
 use super::text::{cut, distance, joined, length};
 use beamlet::Result;
-use beamlet::cli_support::{FrontView, numbers, require_memory};
+use beamlet::cli_support::{FrontView, Placed, numbers, require_memory};
 use beamlet::geometry::Sample;
 use beamlet::scene::{MaskBody, MaskSpec, Scene};
+use glam::DVec3;
 
 const WIDTH: f64 = 1180.0;
 const BEAM: Rgb = [250, 205, 70];
@@ -30,19 +31,42 @@ const OF_TRIANGLE: u64 = 320;
 ///
 /// Fails where there is not the memory for it.
 pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Result<Drawing> {
-    let triangles = sample.triangles_as_meshes();
+    let is_cut = |placed: &Placed| {
+        let [low, high] = sample.extent_of_placed(placed, DVec3::Z);
+        low <= 0.0 && high >= 0.0
+    };
+    let triangles = sample.triangles_as_meshes_of(is_cut);
     require_memory(OF_TRIANGLE.saturating_mul(triangles), "the drawing of the set-up")?;
-    let sample = &*sample.as_meshes();
+    let above = FromAbove {
+        outlines: outlines(sample),
+        loops: section(&sample.as_meshes_of(is_cut)),
+        sample,
+    };
     let mut drawing = Drawing::new(WIDTH, 944.0);
-    let loops = section(sample);
     let heading = joined(&["Set-up from above".into(), scene.title.clone().unwrap_or_default()]);
     let heading = cut(&heading, WIDTH - LEFT - 20.0, 19.0);
     drawing.text([LEFT, 28.0], heading, 19.0, INK, Anchor::Start);
     drawing.text([LEFT, 48.0], caption(scene), SMALL, GREY, Anchor::Start);
-    overview(&mut drawing, scene, sample, &loops);
+    overview(&mut drawing, scene, &above);
     true_scale(&mut drawing, scene);
-    insets(&mut drawing, scene, sample, &loops);
+    insets(&mut drawing, scene, &above);
     Ok(drawing)
+}
+
+/// The sample seen from above, m.
+struct FromAbove<'s> {
+    sample: &'s Sample,
+    /// By object.
+    outlines: Vec<Vec<[f64; 2]>>,
+    /// Of the section at z = 0.
+    loops: Vec<Loop>,
+}
+
+impl FromAbove<'_> {
+    /// The largest of some number of the points of the outlines.
+    fn reach(&self, of: impl Fn(&[f64; 2]) -> f64) -> f64 {
+        self.outlines.iter().flatten().map(of).fold(0.0, f64::max)
+    }
 }
 
 fn caption(scene: &Scene) -> String {
@@ -87,10 +111,9 @@ fn beyond(scene: &Scene, distance: f64) -> f64 {
 }
 
 /// Everything between source and detector; x is stretched.
-fn overview(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop]) {
+fn overview(drawing: &mut Drawing, scene: &Scene, above: &FromAbove<'_>) {
     let area = Area::new(LEFT + 12.0, 86.0, WIDTH - LEFT - 42.0, 268.0);
-    let reach =
-        sample.vertices.iter().map(|[x, ..]| x.abs()).fold(half_width(scene), f64::max) * 1.18;
+    let reach = above.reach(|[x, _]| x.abs()).max(half_width(scene)) * 1.18;
     let total = scene.detector.distance;
     // x grows downwards, as it does seen from above with the beam to the right.
     let axes = Axes {
@@ -105,7 +128,7 @@ fn overview(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop
     let axis = Paint::dashed(GREY, 0.8, 5.0);
     drawing.line(axes.at([0.0, 0.0]), axes.at([total, 0.0]), axis);
     let shifted = |[x, y]: [f64; 2]| axes.at([y + scene.source.distance, 1e3 * x]);
-    sample_from_above(drawing, scene, sample, loops, &shifted);
+    sample_from_above(drawing, scene, above, &shifted);
     let masks = [(&scene.sample_mask, "sample mask"), (&scene.detector_mask, "detector mask")];
     for (mask, name) in masks {
         let Some(mask) = mask else { continue };
@@ -122,7 +145,7 @@ fn overview(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop
     let source = axes.at([0.0, 0.0]);
     drawing.disc(source, 5.0, Paint { fill: Some((BEAM, 1.0)), ..Paint::line(INK, 1.0) });
     drawing.text([source[0], source[1] - 12.0], "source", 13.0, INK, Anchor::Middle);
-    if !sample.objects.is_empty() {
+    if !above.sample.objects.is_empty() {
         let at = axes.at([scene.source.distance, 0.0]);
         drawing.text([at[0] + 8.0, at[1] - 6.0], "sample", 13.0, INK, Anchor::Start);
     }
@@ -168,12 +191,11 @@ fn direction_of_stepping(drawing: &mut Drawing, scene: &Scene, axes: &Axes, reac
 fn sample_from_above(
     drawing: &mut Drawing,
     scene: &Scene,
-    sample: &Sample,
-    loops: &[Loop],
+    above: &FromAbove<'_>,
     map: &dyn Fn([f64; 2]) -> [f64; 2],
 ) {
-    for one in loops {
-        let component = &sample.components[one.component];
+    for one in &above.loops {
+        let component = &above.sample.components[one.component];
         let colour = match one.hole {
             false => colour_of_object(scene, Some(component.object)),
             true => colour_of_object(scene, component.outside),
@@ -184,8 +206,8 @@ fn sample_from_above(
         let paint = Paint { fill: Some((fill, 1.0)), ..Paint::line(edge, 1.0) };
         drawing.path(thinned(&points, 0.12), true, paint);
     }
-    for (object, triangles) in by_object(sample) {
-        let points: Vec<[f64; 2]> = outline(sample, triangles).into_iter().map(map).collect();
+    for (object, outline) in (0..).zip(&above.outlines).filter(|(_, it)| !it.is_empty()) {
+        let points: Vec<[f64; 2]> = outline.iter().map(|point| map(*point)).collect();
         let colour = pale(colour_of_object(scene, Some(object)), 0.75);
         drawing.path(thinned(&points, 0.12), true, Paint::dashed(colour, 0.9, 3.0));
     }
@@ -250,11 +272,11 @@ fn true_scale(drawing: &mut Drawing, scene: &Scene) {
 }
 
 /// Sample and bars of the masks, magnified, each with x and y at one scale.
-fn insets(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop]) {
+fn insets(drawing: &mut Drawing, scene: &Scene, above: &FromAbove<'_>) {
     let mut left = LEFT + 12.0;
     let top = 576.0;
-    if !sample.objects.is_empty() {
-        sample_inset(drawing, scene, sample, loops, Area::new(left, top, 268.0, 268.0));
+    if !above.sample.objects.is_empty() {
+        sample_inset(drawing, scene, above, Area::new(left, top, 268.0, 268.0));
         left += 268.0 + LEFT + 40.0;
     }
     let masks = [(&scene.sample_mask, "sample mask"), (&scene.detector_mask, "detector mask")];
@@ -271,8 +293,8 @@ fn insets(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop])
     }
 }
 
-fn sample_inset(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[Loop], area: Area) {
-    let reach = sample.vertices.iter().map(|[x, y, _]| x.hypot(*y)).fold(0.0, f64::max);
+fn sample_inset(drawing: &mut Drawing, scene: &Scene, above: &FromAbove<'_>, area: Area) {
+    let reach = above.reach(|[x, y]| x.hypot(*y));
     let half = 1e3 * reach.max(1e-6) * 1.3;
     let axes = Axes { area, x: [-half, half], y: [half, -half], ..Axes::default() };
     drawing.clip(Some(area));
@@ -282,7 +304,7 @@ fn sample_inset(drawing: &mut Drawing, scene: &Scene, sample: &Sample, loops: &[
         drawing.line(axes.at([y, -half]), axes.at([y, half]), Paint::line(BARS, width));
     }
     drawing.clip(None);
-    sample_from_above(drawing, scene, sample, loops, &|[x, y]| axes.at([1e3 * y, 1e3 * x]));
+    sample_from_above(drawing, scene, above, &|[x, y]| axes.at([1e3 * y, 1e3 * x]));
     let centre = axes.at([0.0, 0.0]);
     let cross = Paint::line(INK, 1.0);
     drawing.line([centre[0] - 5.0, centre[1]], [centre[0] + 5.0, centre[1]], cross);

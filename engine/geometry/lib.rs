@@ -43,7 +43,7 @@ mod trial;
 mod united;
 
 pub use adjacency::across_edges;
-pub use analytic::{AnalyticShape, Form as AnalyticForm, Tube};
+pub use analytic::{AnalyticShape, Entry, Form as AnalyticForm, Tube};
 pub use beamlet_core::watch::{LoadProgress, LoadStep, Watcher};
 pub use defects::{DefectCount, DefectPlace, Defects};
 pub use export::{NamedMesh, write_meshes};

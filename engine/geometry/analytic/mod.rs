@@ -1,6 +1,7 @@
 //! Shapes with curved surfaces, in f64: sizes, containment, distances, and facets in their place
-//! (`facets`). Each is centred in a frame of its own, along z.
+//! (`facets`), lines that enter them (`entry`). Each is centred in a frame of its own, along z.
 
+mod entry;
 mod facets;
 #[cfg(test)]
 mod tests;
@@ -10,6 +11,8 @@ use std::f64::consts::PI;
 use glam::{DVec2, DVec3};
 
 use beamlet_model::scene::Shape;
+
+pub use entry::Entry;
 
 /// A shape with a curved surface, m.
 #[derive(Debug, Clone, Copy, PartialEq)]

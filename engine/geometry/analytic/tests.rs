@@ -210,3 +210,54 @@ fn facets_err_as_in_the_table_of_physics_md() {
         before = found;
     }
 }
+
+#[test]
+fn lines_enter_shapes_where_points_of_them_begin_to_lie_inside() {
+    let mut draws = Draws(12_345);
+    let mut hits = 0;
+    for shape in SHAPES {
+        let size = radius(shape);
+        for at in 0..200 {
+            let start = 3.0 * size * draws.point();
+            let towards = 0.8 * size * draws.point();
+            let along = match at % 4 {
+                // Along an end, and along the axis.
+                0 => (towards - start).truncate().extend(0.0),
+                1 => DVec3::Z * size,
+                _ => towards - start,
+            };
+            let found = shape.entry(start, along);
+            let inside = |distance: f64| shape.contains(start + distance * along);
+            let reach = 8.0 * size / along.length();
+            let steps = 4000;
+            let first = (-steps..=steps)
+                .map(|step| reach * f64::from(step) / f64::from(steps))
+                .find(|distance| inside(*distance));
+            match (found, first) {
+                (Some(entry), Some(first)) => {
+                    hits += 1;
+                    let at = start + entry.distance * along;
+                    // Not behind the first point inside, and on the surface.
+                    assert!(entry.distance <= first + 1e-9 * reach, "{shape:?} {entry:?} {first}");
+                    assert!(shape.distance_bound(at).abs() < 1e-9 * size, "{shape:?} {at}");
+                    assert!(entry.normal.dot(along) < 0.0, "{shape:?} {entry:?}");
+                    let off = 1e-6 * size * entry.normal.normalize();
+                    assert!(!shape.contains(at + off), "{shape:?} {at} {off}");
+                    let next = entry.distance + reach / f64::from(steps);
+                    let skips = (first - next) * along.length();
+                    // What is thinner than a step may be stepped over.
+                    assert!(skips < 1e-9 * size || !inside(next), "{shape:?} {skips}");
+                }
+                (None, None) => {}
+                // Thinner than a step.
+                (Some(entry), None) => {
+                    assert!(
+                        shape.distance_bound(start + entry.distance * along).abs() < 1e-9 * size
+                    );
+                }
+                (None, Some(first)) => panic!("{shape:?} is missed, and not at {first}"),
+            }
+        }
+    }
+    assert!(hits > 500, "{hits}");
+}

@@ -21,6 +21,7 @@ use glam::DVec3;
 use std::borrow::Cow;
 
 use super::Sample;
+use super::analytic::Entry;
 use super::body::Body;
 use super::surface::Surface;
 use beamlet_core::numbers;
@@ -123,26 +124,59 @@ impl Sample {
         }
     }
 
-    /// Vertices of all surfaces, instances included, m.
-    pub fn points(&self) -> impl Iterator<Item = [f64; 3]> {
-        let placed = self.placed.iter().flat_map(|it| {
-            let prototype = &self.prototypes[it.prototype as usize];
-            prototype.vertices.iter().map(|vertex| it.place.world_from_own(*vertex).to_array())
-        });
-        self.vertices.iter().copied().chain(placed)
+    /// Extent of a placed surface along a direction: the least and the greatest product with its points, m.
+    #[doc(hidden)]
+    pub fn extent_of_placed(&self, placed: &Placed, along: DVec3) -> [f64; 2] {
+        let (prototype, place) = (&self.prototypes[placed.prototype as usize], &placed.place);
+        let own = place.linear().transpose() * along;
+        let middle = along.dot(place.position);
+        [middle - prototype.reach(-own), middle + prototype.reach(own)]
+    }
+
+    /// The point of the hull of a placed surface that is farthest along a direction, m.
+    #[doc(hidden)]
+    pub fn farthest_of_placed(&self, placed: &Placed, along: DVec3) -> DVec3 {
+        let (prototype, place) = (&self.prototypes[placed.prototype as usize], &placed.place);
+        place.world_from_own(prototype.farthest(place.linear().transpose() * along))
+    }
+
+    /// Where a line enters a placed exact shape: along it, m, and the unit normal. `None` where it misses the
+    /// shape, or for a mesh.
+    #[doc(hidden)]
+    pub fn entry(&self, placed: &Placed, start: DVec3, along: DVec3) -> Option<Entry> {
+        let shape = self.prototypes[placed.prototype as usize].shape?;
+        let Place { rotation, .. } = placed.place;
+        let scales = placed.place.scales();
+        let own_along = rotation.inverse() * along / scales;
+        let Entry { distance, normal } =
+            shape.entry(placed.place.own_from_world(start), own_along)?;
+        Some(Entry { distance, normal: (rotation * (normal / scales)).normalize() })
     }
 
     /// Triangles of [`Sample::as_meshes`].
     #[must_use]
     pub fn triangles_as_meshes(&self) -> u64 {
+        self.triangles_as_meshes_of(|_| true)
+    }
+
+    /// Triangles of [`Sample::as_meshes_of`], but for what shapes that cross lose of each other.
+    #[doc(hidden)]
+    pub fn triangles_as_meshes_of(&self, wanted: impl Fn(&Placed) -> bool) -> u64 {
         let of = |it: &Placed| self.prototypes[it.prototype as usize].triangles.len() as u64;
-        self.triangles.len() as u64 + self.placed.iter().map(of).sum::<u64>()
+        let placed = self.placed.iter().filter(|it| wanted(it));
+        self.triangles.len() as u64 + placed.map(of).sum::<u64>()
     }
 
     /// The same surfaces with every instance as a mesh of its own, and shapes that cross without what
     /// others cover of them; triangles of an object lie together.
     #[must_use]
     pub fn as_meshes(&self) -> Cow<'_, Self> {
+        self.as_meshes_of(|_| true)
+    }
+
+    /// As [`Self::as_meshes`], without the instances that are not wanted.
+    #[doc(hidden)]
+    pub fn as_meshes_of(&self, wanted: impl Fn(&Placed) -> bool) -> Cow<'_, Self> {
         if self.placed.is_empty() {
             return Cow::Borrowed(self);
         }
@@ -177,7 +211,7 @@ impl Sample {
                 all.add_body(std::mem::replace(body, Body::empty()));
             }
             while let Some((at, it)) = placed.next_if(|it| object(it.1.component) == number) {
-                if is_resolved(at) {
+                if is_resolved(at) || !wanted(it) {
                     continue;
                 }
                 let prototype = &self.prototypes[it.prototype as usize];

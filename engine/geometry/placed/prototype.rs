@@ -171,15 +171,21 @@ impl Prototype {
         in_box && winding(corners, point) > 0.5
     }
 
-    /// The largest product of a point of the surface with a vector of the own frame.
-    pub(crate) fn reach(&self, along: DVec3) -> f64 {
+    /// The point of the hull that is farthest along a vector of the own frame.
+    pub(crate) fn farthest(&self, along: DVec3) -> DVec3 {
         match self.shape {
-            Some(shape) => shape.support(along).dot(along),
+            Some(shape) => shape.support(along),
             None => {
-                let reaches = self.vertices.iter().map(|it| along.dot(*it));
-                reaches.fold(f64::NEG_INFINITY, f64::max)
+                let reach = |it: &DVec3| along.dot(*it);
+                let vertices = self.vertices.iter().copied();
+                vertices.max_by(|a, b| reach(a).total_cmp(&reach(b))).unwrap_or_default()
             }
         }
+    }
+
+    /// The largest product of a point of the surface with a vector of the own frame.
+    pub(crate) fn reach(&self, along: DVec3) -> f64 {
+        self.farthest(along).dot(along)
     }
 
     /// How far facets that stand for the surface are off it, m of the own frame.

@@ -1,0 +1,161 @@
+//! Exact shapes of opaque objects in a parallel view, without rays on a device: only the surface in front shows, and
+//! any number of small bodies takes as long as its pixels.
+
+use crate::numbers::{self, single};
+use beamlet::geometry::Sample;
+use glam::DVec3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Rows of a part, which one thread draws.
+const ROWS: usize = 64;
+/// No body.
+const NONE: u32 = u32::MAX;
+
+/// A square picture of a sample along an axis, with its points as numbers of half its width.
+#[derive(Debug)]
+pub(super) struct View {
+    /// To the right, into the picture and upwards, in the world.
+    pub(super) axes: [DVec3; 3],
+    /// Of the middle of the picture: across, into it and up, m.
+    pub(super) centre: [f64; 3],
+    /// Half the width, m.
+    pub(super) half: f64,
+}
+
+impl View {
+    /// Place across or up of one of the rows or columns.
+    pub(super) fn place(index: usize, side: usize) -> f64 {
+        (index as f64 + 0.5) / side as f64 * 2.0 - 1.0
+    }
+
+    /// Rows or columns whose middle lies within an extent, from the first of the picture.
+    fn within([low, high]: [f64; 2], side: usize) -> Range<usize> {
+        let at = |place: f64| (place + 1.0) / 2.0 * side as f64 - 0.5;
+        let [first, end] = [at(low).ceil(), at(high).floor() + 1.0];
+        let bound = |at: f64| numbers::whole::<usize>(at.clamp(0.0, side as f64));
+        bound(first)..bound(end)
+    }
+
+    /// Where the line of a place begins.
+    fn start(&self, across: f64, up: f64) -> DVec3 {
+        let [right, _, top] = self.axes;
+        (self.centre[0] + across * self.half) * right + (self.centre[2] + up * self.half) * top
+    }
+}
+
+/// A surface in the view.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Surface {
+    /// Into the picture, m.
+    pub(super) depth: f32,
+    /// Index of its object.
+    pub(super) object: u32,
+    /// Unit normal to the right, into the picture and upwards.
+    pub(super) normal: [f32; 3],
+}
+
+/// A body in the view.
+#[derive(Debug)]
+struct Body {
+    /// Index among the placed surfaces.
+    placed: u32,
+    columns: Range<usize>,
+    rows: Range<usize>,
+    /// Of its point in front, m.
+    depth: f32,
+}
+
+/// The bodies in front, by column and row of a picture of `side` columns.
+#[derive(Debug)]
+pub(super) struct Impostors<'s> {
+    sample: &'s Sample,
+    view: &'s View,
+    side: usize,
+    front: Vec<u32>,
+}
+
+impl<'s> Impostors<'s> {
+    /// Objects that can be drawn so, by index: those of exact shapes that cross no others, and that are opaque.
+    pub(super) fn objects(sample: &Sample, translucent: &[bool]) -> Vec<bool> {
+        let mut drawn: Vec<bool> = translucent.iter().map(|it| !it).collect();
+        let mut has_shapes = vec![false; drawn.len()];
+        let of = |component: u32| sample.components[component as usize].object as usize;
+        for component in &sample.triangle_component {
+            drawn[of(*component)] = false;
+        }
+        for (at, placed) in (0_u32..).zip(&sample.placed) {
+            let object = of(placed.component);
+            let is_exact = sample.prototypes[placed.prototype as usize].shape.is_some();
+            drawn[object] &= is_exact && sample.partners.of(at).is_none();
+            has_shapes[object] = true;
+        }
+        drawn.iter().zip(has_shapes).map(|(drawn, has)| *drawn && has).collect()
+    }
+
+    /// Draws the bodies of some objects.
+    pub(super) fn draw(sample: &'s Sample, objects: &[bool], view: &'s View, side: usize) -> Self {
+        let [right, into, up] = view.axes;
+        let in_view = |(placed, it): (u32, &_)| {
+            let extent = |along: DVec3, middle: f64| {
+                sample.extent_of_placed(it, along).map(|end| (end - middle) / view.half)
+            };
+            let [bottom, top] = extent(up, view.centre[2]);
+            let [front, _] = sample.extent_of_placed(it, into);
+            Body {
+                placed,
+                columns: View::within(extent(right, view.centre[0]), side),
+                // The first row is the uppermost.
+                rows: View::within([-top, -bottom], side),
+                depth: single(front),
+            }
+        };
+        let mut bodies: Vec<Body> = (0_u32..)
+            .zip(&sample.placed)
+            .filter(|(_, it)| objects[sample.components[it.component as usize].object as usize])
+            .map(in_view)
+            .collect();
+        bodies.sort_by(|a, b| a.depth.total_cmp(&b.depth));
+        let mut front = vec![NONE; side * side];
+        front.par_chunks_mut(ROWS * side).enumerate().for_each(|(part, front)| {
+            let first = part * ROWS;
+            let rows = first..first + front.len() / side;
+            let mut depths = vec![f32::INFINITY; front.len()];
+            for body in &bodies {
+                let placed = &sample.placed[body.placed as usize];
+                for row in body.rows.start.max(rows.start)..body.rows.end.min(rows.end) {
+                    for column in body.columns.clone() {
+                        let at = (row - first) * side + column;
+                        if depths[at] <= body.depth {
+                            continue;
+                        }
+                        let start = view.start(View::place(column, side), -View::place(row, side));
+                        let Some(entry) = sample.entry(placed, start, into) else { continue };
+                        let depth = single(entry.distance);
+                        if depth < depths[at] {
+                            (depths[at], front[at]) = (depth, body.placed);
+                        }
+                    }
+                }
+            }
+        });
+        Self { sample, view, side, front }
+    }
+
+    /// Columns of the picture.
+    pub(super) const fn side(&self) -> usize {
+        self.side
+    }
+
+    /// The surface in front at a column and row.
+    pub(super) fn at(&self, column: usize, row: usize) -> Option<Surface> {
+        let placed = self.sample.placed.get(self.front[row * self.side + column] as usize)?;
+        let [right, into, up] = self.view.axes;
+        let place = |index| View::place(index, self.side);
+        let start = self.view.start(place(column), -place(row));
+        let entry = self.sample.entry(placed, start, into)?;
+        let normal = [right, into, up].map(|axis| single(axis.dot(entry.normal)));
+        let object = self.sample.components[placed.component as usize].object;
+        Some(Surface { depth: single(entry.distance), object, normal })
+    }
+}
