@@ -270,10 +270,10 @@ fn load_lenient(
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
     report.warnings.extend(doubts::doubts(scene, &sample, &report));
-    report.warnings.extend(report.ray_limits.warnings());
     let kinks = beamlet_simulate::wave::facet_kinks(scene, &sample)?;
     report.warnings.extend(kinks.iter().map(ToString::to_string));
     report.warnings.extend(costs::warnings(scene, &report));
+    report.warnings.extend(report.ray_limits.warnings());
     let edges = run::edge_blur::bounded(scene, &swept);
     Ok((report, sample, edges))
 }

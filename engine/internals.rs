@@ -73,5 +73,5 @@ pub mod trace {
 }
 /// Structure functions of bodies at random places.
 pub mod microstructure {
-    pub use beamlet_model::microstructure::Bodies;
+    pub use beamlet_model::microstructure::{Bodies, variances};
 }

@@ -33,7 +33,11 @@ impl Display for CheckReport {
             1 => writeln!(f)?,
             count => {
                 let error = nodes.estimated_error;
-                writeln!(f, ", the mean of {count} energy nodes (estimated error {error:.1e})")?;
+                writeln!(
+                    f,
+                    ", the mean of {count} energy nodes (estimated error {error:.1e}); over the spectrum: \
+                     `beamlet material NAME --spectrum SCENE`"
+                )?;
             }
         }
         let width = self.materials.iter().map(|m| m.name.chars().count()).max().unwrap_or(0);
@@ -129,12 +133,24 @@ impl CheckReport {
         });
         line(f, "sample sweeps", format!("{text}, room from {near} to {far}"))?;
         if !setup.passing.is_empty() {
-            let text = format!("along z through the field: {}", named(&setup.passing));
-            line(f, "", text)?;
+            let names: Vec<String> = setup.passing.iter().map(|it| self.with_share(it)).collect();
+            line(f, "", format!("along z through the field: {}", named(&names)))?;
         }
         let (views, steps) = (extent.views, extent.steps);
         let frames = format!("{views} x {steps} of {} x {} pixels", extent.columns, extent.rows);
         line(f, "views x steps", frames)
+    }
+}
+
+impl CheckReport {
+    /// The name of an object that is higher than the field, and the share of it that is seen.
+    fn with_share(&self, name: &str) -> String {
+        let Some(object) = self.objects.iter().find(|it| it.name == name) else {
+            return name.into();
+        };
+        let [low, high] = object.bounds.map(|[.., z]| z);
+        let share = 100.0 * self.setup.field_of_view[1] / (high - low);
+        format!("{name} ({} % of its {})", number(share), length(high - low))
     }
 }
 

@@ -144,6 +144,9 @@ pub struct RunRecord {
     /// Upper bound of the error of a recorded value from edges off the rotation centre, share of open beam: the
     /// spot blurs them as if they were at the centre. `None`: unknown; and under `scheme = "random"`, which has no such error.
     pub edge_error: Option<f64>,
+    /// What a user should look at: a sample outside the field of view, errors that may exceed a tolerance.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub warnings: Vec<String>,
     /// Seconds by stage.
     pub seconds: BTreeMap<String, f64>,
     /// Work of the device, with `--profile` ([`beamlet_gpu::EngineOptions::profile`]).
@@ -212,6 +215,7 @@ impl RunRecord {
             sampling_error: None,
             facet_kinks: start.facet_kinks.clone(),
             edge_error: None,
+            warnings: Vec::new(),
             seconds: BTreeMap::new(),
             profile: None,
         }

@@ -30,6 +30,19 @@ fn read(path: &Path) -> Result<Vec<u8>> {
     input_file::read(path, most).map_err(failed)
 }
 
+/// The error of a mesh file of an object; where there is none, with the folder that its path begins at.
+fn with_place(error: Error, written: &Path, label: &str) -> Error {
+    match error {
+        Error::File { path, problem, source: Some(source), .. }
+            if source.kind() == std::io::ErrorKind::NotFound && written.is_relative() =>
+        {
+            let rule = "a relative path begins at the folder of the scene file";
+            Error::file(path, format!("{problem} of {label} ({rule})"), Some(source))
+        }
+        error => error,
+    }
+}
+
 /// SHA-256, in hexadecimal digits.
 pub(super) fn hash(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
@@ -61,7 +74,7 @@ pub(super) fn read_file(
 ) -> Result<ReadFile> {
     let file = scene.directory.join(path);
     task.begin(LoadStep::Reading, file.metadata().map_or(0, |found| found.len()))?;
-    let bytes = read(&file)?;
+    let bytes = read(&file).map_err(|error| with_place(error, path, label))?;
     let counted = PEAK_PER_TRIANGLE.saturating_mul(mesh_file::triangles_in(&file).unwrap_or(0));
     // The triangles of a binary STL file are all of it.
     let needed = match MeshFormat::of(path) {

@@ -192,7 +192,9 @@ fn standing_rods_are_named_once_and_angles_are_numbers() {
          position = [\"2 mm\", \"0 mm\", \"0 mm\"]\n"
     );
     let report = checked(directory.path(), &text, "");
-    assert_eq!(report.matches("along z through the field: first, second\n").count(), 1, "{report}");
+    assert_eq!(report.matches("along z through the field: first (").count(), 1, "{report}");
+    // Of their height the field shows its own, 150 um at the magnification of the rotation centre.
+    assert_eq!(report.matches(" % of its 16 mm").count(), 2, "{report}");
     assert!(!report.contains("outside the field"), "{report}");
     let json = checked(directory.path(), &text, "--json");
     let json: serde_json::Value = serde_json::from_str(&json).unwrap();

@@ -253,14 +253,14 @@ impl Simulation {
     /// ```
     pub fn run(&self, sink: &mut dyn Sink, mut control: Control<'_>) -> Result<RunRecord> {
         start_threads()?;
-        if let Some(warning) = detector::offset_warning(&self.scene) {
-            log::warn!("{warning}");
-        }
         let begin = Instant::now();
-        let edges = bounded(&self.scene, &geometry::swept(&self.scene, &self.sample));
-        let warning =
+        let swept = geometry::swept(&self.scene, &self.sample);
+        let edges = bounded(&self.scene, &swept);
+        let of_edges =
             edges.as_ref().and_then(|it| it.warning(self.scene.sampling.tolerances().light));
-        warning.into_iter().for_each(|text| log::warn!("{text}"));
+        let mut warnings = swept.fov_warnings(&self.scene);
+        warnings.extend(detector::offset_warning(&self.scene).into_iter().chain(of_edges));
+        warnings.iter().for_each(|text| log::warn!("{text}"));
         let mut views = stack::views_of_part(&self.scene, control.views)?;
         views.retain(|view| !control.skip.contains(view));
         let cancel = control.cancel.of_part();
@@ -293,7 +293,7 @@ impl Simulation {
             .profile
             .then(|| RunProfile::of(prepared, first, self.device().profile(), handed));
         let tally = Tally { defective_objects: self.defective_objects(), ..counted };
-        let record = RunRecord {
+        let mut record = RunRecord {
             tally,
             sampling: SamplingSummary::of(&tally, self.budget.tolerance),
             sampling_error: SamplingError::of(&tally, self.budget.tolerance),
@@ -314,7 +314,9 @@ impl Simulation {
         };
         let grazing = wave::grazing_warning(&self.scene, &tally);
         let audited = record.sampling_error.and_then(|it| it.warning(self.budget.tolerance));
-        grazing.into_iter().chain(audited).for_each(|text| log::warn!("{text}"));
+        let found: Vec<String> = grazing.into_iter().chain(audited).collect();
+        found.iter().for_each(|text| log::warn!("{text}"));
+        record.warnings = warnings.into_iter().chain(found).collect();
         // The counts of a part are too few to be judged: the join judges the sum.
         if control.views.is_none() {
             self.check_tally(&tally)?;

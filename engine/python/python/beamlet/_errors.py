@@ -16,6 +16,11 @@ _METHOD = re.compile(r"(?:retrieve )?(?<![\w/.-])--(method|weights) ([a-z]+(?:-[
 _COMMAND = re.compile(r"(`beamlet [^`]*`)")
 
 
+def counted(warnings: list[str]) -> str:
+    """The end of a description: how many warnings there are, and nothing without any."""
+    return {0: "", 1: ", 1 warning"}.get(len(warnings), f", {len(warnings)} warnings")
+
+
 def in_python(message: str) -> str:
     """A message of the engine with the arguments of Python in place of options of the command line; commands
     of the program in backticks stay.

@@ -14,7 +14,7 @@ from . import _beamlet
 from ._arguments import shown, word
 from ._arguments import path as place
 from ._engine import Engine, Progress, still_open
-from ._errors import ArgumentError, Error, in_python, wrong
+from ._errors import ArgumentError, Error, counted, in_python, wrong
 from ._options import described
 from ._scene import Path, Scene
 from ._volume import Quantity, Sinograms, Volume, circle, volume_of
@@ -245,5 +245,4 @@ class Images(Mapping[str, Image]):
         return sigma
 
     def __repr__(self) -> str:
-        doubts = {0: "", 1: ", 1 warning"}.get(len(self.warnings), f", {len(self.warnings)} warnings")
-        return f"<Images {', '.join(self._images)}{doubts}>"
+        return f"<Images {', '.join(self._images)}{counted(self.warnings)}>"

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from . import _beamlet
 from ._arguments import path as place
 from ._engine import Engine, Progress, pixels, serving, still_open
-from ._errors import FileError, wrong
+from ._errors import FileError, counted, in_python, wrong
 from ._options import described
 from ._scene import Path, Scene
 
@@ -182,10 +182,16 @@ class Run:
 
         return view(self, width=width)
 
+    @property
+    def warnings(self) -> list[str]:
+        """What to look at: a sample outside the field of view, errors that may exceed a tolerance."""
+        return [in_python(str(warning)) for warning in self.record.get("warnings", ())]
+
     def __repr__(self) -> str:
         views, steps, rows, columns = self.sample.shape
         place = f" in {self.path}" if self.path else ""
-        return f"<Run of {views} views x {steps} steps of {columns} x {rows} pixels{place}>"
+        doubts = counted(self.warnings)
+        return f"<Run of {views} views x {steps} steps of {columns} x {rows} pixels{place}{doubts}>"
 
 
 def _one_or_all(stack: Stack) -> Stack:
