@@ -18,6 +18,7 @@ use serde::Serialize;
 use std::sync::Arc;
 
 mod angles;
+mod bodies;
 mod builder;
 mod costs;
 pub(crate) mod display;
@@ -273,6 +274,7 @@ fn load_lenient(
     let kinks = beamlet_simulate::wave::facet_kinks(scene, &sample)?;
     report.warnings.extend(kinks.iter().map(ToString::to_string));
     report.warnings.extend(costs::warnings(scene, &report));
+    report.warnings.extend(bodies::advice(scene, &report.objects, energy)?);
     report.warnings.extend(report.ray_limits.warnings());
     let edges = run::edge_blur::bounded(scene, &swept);
     Ok((report, sample, edges))

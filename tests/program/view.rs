@@ -335,3 +335,66 @@ fn pictures_that_are_there_are_replaced_only_when_asked() {
     done(place.path(), "view run -o pictures --overwrite");
     assert_ne!(fs::read(&mine).unwrap(), b"mine");
 }
+
+/// Exact shapes of opaque objects are found by their places, all others by rays: both are drawn alike, in front of one
+/// another and inside a translucent body.
+#[test]
+fn exact_shapes_are_drawn_like_their_facets() {
+    let draw = |sides: &str| {
+        let place = tempfile::tempdir().unwrap();
+        let objects = [
+            ("tank", "box = { size = [\"3 mm\", \"3 mm\", \"3 mm\"] }".to_owned(), [0.0, 0.0, 0.0]),
+            ("ball", format!("sphere = {{ radius = \"0.5 mm\"{sides} }}"), [-0.8, -0.6, 0.7]),
+            (
+                "egg",
+                format!(
+                    "ellipsoid = {{ semi_axes = [\"0.3 mm\", \"0.6 mm\", \"0.4 mm\"]{sides} }}"
+                ),
+                [0.7, 0.5, 0.8],
+            ),
+            (
+                "rod",
+                format!("cylinder = {{ radius = \"0.3 mm\", height = \"1.2 mm\"{sides} }}"),
+                [-0.8, 0.6, -0.6],
+            ),
+            (
+                "tip",
+                format!("cone = {{ radius = \"0.5 mm\", height = \"1 mm\"{sides} }}"),
+                [0.6, -0.5, -0.7],
+            ),
+            (
+                "pipe",
+                format!(
+                    "tube = {{ outer = \"0.6 mm\", inner = \"0.4 mm\", height = \"1 mm\"{sides} }}"
+                ),
+                [2.6, 0.0, 0.0],
+            ),
+        ];
+        let mut scene = SCENE.split("[[object]]").next().unwrap().to_owned();
+        for (name, shape, [x, y, z]) in objects {
+            let material = if name == "tank" { "water" } else { "nylon 6" };
+            scene += &format!(
+                "[[object]]\nname = \"{name}\"\nmaterial = \"{material}\"\nshape = {{ {shape} }}\n\
+                 position = [\"{x} mm\", \"{y} mm\", \"{z} mm\"]\n\
+                 rotate = [{{ axis = [1, 2, 0], angle = \"25 deg\" }}]\n"
+            );
+        }
+        fs::write(place.path().join("scene.toml"), scene).unwrap();
+        done(place.path(), "view scene.toml -o pictures");
+        picture(&place.path().join("pictures/sample.png"))
+    };
+    let [exact, facets] = ["", ", sides = 200"].map(draw);
+    let side = 15..15 + 1140;
+    let differs = |x: u32, y: u32| {
+        let [a, b] = [&exact, &facets].map(|it| it.pixel(x, y).unwrap());
+        [(a.red(), b.red()), (a.green(), b.green()), (a.blue(), b.blue())]
+            .into_iter()
+            .any(|(a, b)| a.abs_diff(b) > 24)
+    };
+    let pixels = side.clone().flat_map(|x| side.clone().map(move |y| (x, y)));
+    let count = pixels.filter(|(x, y)| differs(*x, *y)).count();
+    let share = count as f64 / 1140.0 / 1140.0;
+    // Facets shade flat, and their outlines are off by up to a tenth of a pixel.
+    assert!(share < 3e-3, "{share}");
+    assert!(inked(&exact, side) > 0.2);
+}

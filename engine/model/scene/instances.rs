@@ -1,5 +1,6 @@
 //! Instances of an object: many copies of one shape or mesh.
 
+use std::f64::consts::PI;
 use std::path::PathBuf;
 
 /// Highest fill of parallel fibres.
@@ -100,6 +101,18 @@ pub enum PackingRegion {
         /// Radius, m.
         radius: f64,
     },
+}
+
+impl PackingRegion {
+    /// Volume, m³.
+    #[must_use]
+    pub fn volume(&self) -> f64 {
+        match *self {
+            Self::Box { size } => size.into_iter().product(),
+            Self::Cylinder { radius, height } => PI * radius * radius * height,
+            Self::Sphere { radius } => 4.0 / 3.0 * PI * radius.powi(3),
+        }
+    }
 }
 
 /// How much a packing holds.

@@ -7,7 +7,10 @@ use crate::support::{Worst, engine};
 use beamlet::Backend;
 use beamlet::check::Check;
 use beamlet::material::constants_at;
-use beamlet::scene::{BodyShape, MaterialSpec, Microstructure, Object, Scene, Shape, Transport};
+use beamlet::scene::{
+    BodyShape, Instances, MaterialSpec, Microstructure, Object, Packing, PackingAmount,
+    PackingKind, PackingRegion, Scene, Shape, Transport,
+};
 use std::f64::consts::{PI, TAU};
 
 const STEPS: usize = 40;
@@ -108,4 +111,44 @@ fn a_medium_has_mean_constants_and_states_its_assumptions() {
     assert!(warned(&report(0.6, 4e-6), "extrapolated"));
     assert!(warned(&report(0.3, 40e-6), "of a pixel"));
     assert!(warned(&report(0.3, 0.2e-6), "not that of Gaussian angles"));
+}
+
+/// `check` proposes the medium that has the dark field of small bodies; the same keys in its place give the stated
+/// value. Large bodies, and those of a file, keep theirs.
+#[test]
+fn small_bodies_of_a_packing_have_a_medium_that_is_proposed() {
+    let scene = |radius: f64| {
+        let mut scene = plate(4e-6, 0.3, 2e-6);
+        scene.microstructures.clear();
+        scene.objects[0].name = "cuvette".into();
+        let mut powder = Object::new("powder", Shape::Sphere { radius, sides: None }, "body");
+        let region = PackingRegion::Box { size: [0.2e-3, 0.2e-3, 0.2e-3] };
+        let amount = PackingAmount::Fill(0.2);
+        powder.instances =
+            Some(Instances::Packing(Packing::new(PackingKind::Spheres, region, amount)));
+        scene.objects.push(powder);
+        scene
+    };
+    let report = |scene: &Scene| Check::of(scene).without_estimate().run().expect("a report");
+    let proposed = |scene: &Scene| {
+        let of = |text: &String| text.contains("\"powder\"") && text.contains("microstructure = {");
+        report(scene).warnings.iter().find(|text| of(text)).cloned()
+    };
+    let small = scene(2e-6);
+    let text = proposed(&small).expect("advice");
+    let keys = "{ shape = \"spheres\", diameter = \"4 um\", fraction = 0.2, of = \"body\" } in the host \"host\"";
+    assert!(text.contains(keys), "{text}");
+    let mut instead = small;
+    instead.objects.pop();
+    let medium = Microstructure::new(BodyShape::Spheres, "body", 4e-6, 0.2);
+    instead.microstructures.insert("host".into(), medium);
+    let report = report(&instead);
+    let host = report.materials.iter().find(|it| it.name == "host").expect("the host");
+    assert!(text.contains(&format!("{:.3e} rad^2/m", host.scattering)), "{text}");
+    let [described] = report.microstructures.as_slice() else { panic!("one medium") };
+    let times = described.rays / described.variances[1];
+    let stated = text.split("bodies have ").nth(1).and_then(|it| it.split(' ').next());
+    let stated: f64 = stated.expect("a ratio").parse().expect("a number");
+    assert!((stated / times - 1.0).abs() < 1e-3 && times > 1.5, "{text}");
+    assert_eq!(proposed(&scene(20e-6)), None);
 }

@@ -1,0 +1,82 @@
+//! Advice to describe packings of small bodies as materials.
+
+use super::CheckedObject;
+use beamlet_core::Result;
+use beamlet_core::printed::number;
+use beamlet_core::units::Dimension;
+use beamlet_model::microstructure::Description;
+use beamlet_model::scene::{
+    BodyShape, Instances, Microstructure, Object, Packing, PackingAmount, PackingKind, Scene,
+    Shape, ShapeOrMesh,
+};
+
+/// Diameter over the width of a pixel below which a pixel sees the mean of many bodies.
+const SMALL: f64 = 0.1;
+
+/// Advice for each packing of bodies that are small against pixels, at an energy, keV.
+///
+/// # Errors
+/// As [`Description::of`].
+pub(super) fn advice(scene: &Scene, objects: &[CheckedObject], energy: f64) -> Result<Vec<String>> {
+    let mut all = Vec::new();
+    for (object, checked) in scene.objects.iter().zip(objects) {
+        let Some(medium) = medium(object) else { continue };
+        let inside = scene.objects.iter().find(|it| checked.inside.first() == Some(&it.name));
+        let host = inside.map_or(&scene.surroundings, |it| &it.material);
+        let mut instead = scene.clone();
+        instead.microstructures.insert(host.clone(), medium);
+        if let Some(of_medium) = Description::of(&instead, host, energy)?
+            && of_medium.per_pixel < SMALL
+        {
+            all.push(words(&object.name, host, &of_medium));
+        }
+    }
+    Ok(all)
+}
+
+/// The bodies of a packing without a direction, as those of a material.
+fn medium(object: &Object) -> Option<Microstructure> {
+    let Some(Instances::Packing(packing)) = &object.instances else { return None };
+    let Packing { kind, region, amount, diameter_spread, .. } = packing;
+    let (shape, radius, volume) = match (&object.geometry, kind) {
+        (ShapeOrMesh::Shape(Shape::Sphere { radius, .. }), PackingKind::Spheres) => {
+            (BodyShape::Spheres, *radius, 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3))
+        }
+        (ShapeOrMesh::Shape(Shape::Cylinder { radius, height, .. }), PackingKind::RandomFibres) => {
+            (BodyShape::Cylinders, *radius, std::f64::consts::PI * radius * radius * height)
+        }
+        _ => return None,
+    };
+    let scale = object.placement.scale;
+    let fraction = match amount {
+        PackingAmount::Fill(fill) => *fill,
+        PackingAmount::Count(count) => f64::from(*count) * volume / region.volume(),
+    };
+    let mut medium = Microstructure::new(shape, &object.material, 2.0 * radius * scale, fraction);
+    medium.spread = *diameter_spread;
+    Some(medium)
+}
+
+fn words(name: &str, host: &str, medium: &Description) -> String {
+    let Description { shape, diameter, spread, fraction, of, variances, rays, .. } = medium;
+    let diameter =
+        Dimension::Length.rounded(format!("{diameter:.3e}").parse().unwrap_or(*diameter));
+    let spread =
+        if *spread > 0.0 { format!(", spread = {}", number(*spread)) } else { String::new() };
+    let difference = match medium.by_waves {
+        true => String::new(),
+        false => format!(
+            ", where rays through bodies have {} times as much",
+            number(rays / variances[1])
+        ),
+    };
+    format!(
+        "\"{name}\": its bodies are {:.2} of a pixel, and each costs time; a region of one material with \
+         microstructure = {{ shape = \"{shape}\", diameter = \"{diameter}\", fraction = {}{spread}, of = \"{of}\" }} \
+         in the host \"{host}\" has their mean dark field by waves, {:.3e} rad^2/m{difference}, without their \
+         differences from pixel to pixel",
+        medium.per_pixel,
+        number(*fraction),
+        variances[1],
+    )
+}
