@@ -9,6 +9,7 @@ pub use beamlet_core::reserve::require_memory;
 pub use beamlet_core::whole_file::write_file;
 pub use beamlet_files::{InputHashes, views_of_part};
 pub use beamlet_geometry::Placed;
+pub use beamlet_model::media::MaterialTable;
 pub use beamlet_model::optics::FrontView;
 pub use beamlet_model::scene::formula::check_formula;
 pub use beamlet_model::scene::schema::json_schema;

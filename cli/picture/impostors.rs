@@ -1,7 +1,8 @@
-//! Exact shapes of opaque objects in a parallel view, without rays on a device: only the surface in front shows, and
-//! any number of small bodies takes as long as its pixels.
+//! Exact shapes of opaque objects in a parallel view, without rays on a device: only the surface in front shows, so
+//! that bodies take the time of the pixels in which they are seen.
 
 use crate::numbers::{self, single};
+use beamlet::cli_support::Placed;
 use beamlet::geometry::Sample;
 use glam::DVec3;
 use rayon::prelude::*;
@@ -9,6 +10,8 @@ use std::ops::Range;
 
 /// Rows of a part, which one thread draws.
 const ROWS: usize = 64;
+/// Least slope of a body, columns per row or rows per column, whose strip is looked for.
+const SLANTED: f64 = 0.05;
 /// No body.
 const NONE: u32 = u32::MAX;
 
@@ -64,6 +67,36 @@ struct Body {
     rows: Range<usize>,
     /// Of its point in front, m.
     depth: f32,
+    strip: Option<Strip>,
+}
+
+/// The strip of the picture along the longest way through a body that slants: columns that bound it at place 0, and
+/// their change with the place upwards.
+#[derive(Debug)]
+struct Strip {
+    columns: [f64; 2],
+    slope: f64,
+}
+
+impl Strip {
+    /// The strip of a body, by the points of it that are farthest right, left, up and down; `None` where it is as upright
+    /// or level as its box.
+    fn of(sample: &Sample, placed: &Placed, view: &View) -> Option<Self> {
+        let [right, _, up] = view.axes;
+        let ends = |along: DVec3| {
+            let [a, b] = [along, -along].map(|it| sample.farthest_of_placed(placed, it));
+            [right.dot(a - b), up.dot(a - b)]
+        };
+        let [level, upright] = [ends(right), ends(up)];
+        let [x, z] = if level[0] > upright[1] { level } else { upright };
+        let slope = x / z;
+        if !(SLANTED..1.0 / SLANTED).contains(&slope.abs()) {
+            return None;
+        }
+        let middle = view.centre[0] - slope * view.centre[2];
+        let extent = sample.extent_of_placed(placed, right - slope * up);
+        Some(Self { columns: extent.map(|end| (end - middle) / view.half), slope })
+    }
 }
 
 /// The bodies in front, by column and row of a picture of `side` columns.
@@ -104,6 +137,7 @@ impl<'s> Impostors<'s> {
             let [front, _] = sample.extent_of_placed(it, into);
             Body {
                 placed,
+                strip: Strip::of(sample, it, view),
                 columns: View::within(extent(right, view.centre[0]), side),
                 // The first row is the uppermost.
                 rows: View::within([-top, -bottom], side),
@@ -124,12 +158,19 @@ impl<'s> Impostors<'s> {
             for body in &bodies {
                 let placed = &sample.placed[body.placed as usize];
                 for row in body.rows.start.max(rows.start)..body.rows.end.min(rows.end) {
-                    for column in body.columns.clone() {
+                    let up = -View::place(row, side);
+                    let strip = body
+                        .strip
+                        .as_ref()
+                        .map(|it| View::within(it.columns.map(|end| end + it.slope * up), side));
+                    let Range { start: left, end: right } = body.columns;
+                    let strip = strip.unwrap_or(left..right);
+                    for column in left.max(strip.start)..right.min(strip.end) {
                         let at = (row - first) * side + column;
                         if depths[at] <= body.depth {
                             continue;
                         }
-                        let start = view.start(View::place(column, side), -View::place(row, side));
+                        let start = view.start(View::place(column, side), up);
                         let Some(entry) = sample.entry(placed, start, into) else { continue };
                         let depth = single(entry.distance);
                         if depth < depths[at] {

@@ -1,4 +1,5 @@
-//! The sample, ray-traced: materials in colours, surrounding objects translucent.
+//! The sample: materials in colours, surrounding objects translucent. Exact shapes of opaque objects are found by their
+//! places (`impostors`), all others by rays.
 
 use super::colour::{Rgb, SMALL};
 use super::drawing::{Anchor, Area, Drawing, GREY, INK, Paint};
@@ -6,7 +7,7 @@ use super::impostors::{Impostors, Surface, View};
 use super::palette::{colour_of, colour_of_object, materials};
 use super::text::{cut, length, wrapped};
 use crate::numbers::{self, single};
-use beamlet::cli_support::require_memory;
+use beamlet::cli_support::{MaterialTable, require_memory};
 use beamlet::geometry::Sample;
 use beamlet::scene::{Sampling, Scan, Scene, Transport};
 use beamlet::{
@@ -39,7 +40,7 @@ const FINE: usize = 3;
 const TOGETHER: usize = 1 << 15;
 /// Bytes of the picture while it is made: rays and colours of its pixels, crossings on host and
 /// device, bodies in front at each place that is looked at.
-const WHILE_MADE: u64 = 256 << 20;
+const WHILE_MADE: u64 = 320 << 20;
 /// Materials in the legend with their objects, and without.
 const FULL: usize = 10;
 const CLOSE: usize = 21;
@@ -60,7 +61,9 @@ pub(crate) fn draw(
     let side = numbers::whole::<usize>(SIZE * SCALE);
     require_memory(WHILE_MADE, "the picture of the sample")?;
     let shapes = Impostors::objects(sample, &picture.translucent);
-    let traced = Traced::of(scene, sample, &picture, &shapes, device)?;
+    // Wrong materials are errors whether rays cross them or not.
+    MaterialTable::of(scene)?;
+    let traced = RayTraced::of(scene, sample, &picture, &shapes, device)?;
     let impostors = Impostors::draw(sample, &shapes, &picture.view, FINE * side);
     let pixels = render(traced.as_ref(), &impostors, &picture, side)?;
     let area = Area::new(10.0, 10.0, SIZE, SIZE);
@@ -160,14 +163,15 @@ impl Picture {
 }
 
 /// The objects that rays look for.
-struct Traced {
+struct RayTraced {
     simulation: Simulation,
     /// Their indices in the whole scene.
     objects: Vec<u32>,
 }
 
-impl Traced {
-    /// Opens a device for the objects that are not drawn as `shapes`; `None` where there are none.
+impl RayTraced {
+    /// Opens a device for the objects that are not drawn as `shapes`; `None` where there are none. A device that was
+    /// asked for is opened in any case.
     fn of(
         scene: &Scene,
         sample: &Sample,
@@ -175,16 +179,25 @@ impl Traced {
         shapes: &[bool],
         device: Option<&str>,
     ) -> Result<Option<Self>> {
+        let mut is_traced = vec![false; sample.objects.len()];
+        let placed = sample.placed.iter().map(|it| it.component);
+        for component in sample.triangle_component.iter().copied().chain(placed) {
+            let object = sample.components[component as usize].object as usize;
+            is_traced[object] = !shapes[object];
+        }
         let objects: Vec<u32> =
-            (0..numbers::count(sample.objects.len())).filter(|it| !shapes[*it as usize]).collect();
-        if objects.is_empty() {
+            (0..numbers::count(is_traced.len())).filter(|it| is_traced[*it as usize]).collect();
+        if objects.is_empty() && device.is_none() {
             return Ok(None);
         }
         let options = EngineOptions::default().with_device(device.map(str::to_owned));
         let engine = Engine::open(&options.with_backend(Backend::Bvh))?;
+        if objects.is_empty() {
+            return Ok(None);
+        }
         let mut turned = turned(scene, picture.camera, picture.reach);
-        let mut shapes = shapes.iter();
-        turned.objects.retain(|_| shapes.next().is_none_or(|is_shape| !is_shape));
+        let mut is_traced = is_traced.into_iter();
+        turned.objects.retain(|_| is_traced.next().unwrap_or(true));
         Ok(Some(Self { simulation: engine.prepare(&turned)?, objects }))
     }
 
@@ -208,8 +221,8 @@ struct Place {
 }
 
 /// Calls `visit` with the surfaces at places of a picture of `side` columns, in order.
-fn look(
-    traced: Option<&Traced>,
+fn visit_places(
+    traced: Option<&RayTraced>,
     impostors: &Impostors<'_>,
     picture: &Picture,
     places: &[Place],
@@ -233,7 +246,7 @@ fn look(
 
 /// Colours of `side` rows of as many pixels; `impostors` has `FINE` times as many.
 fn render(
-    traced: Option<&Traced>,
+    traced: Option<&RayTraced>,
     impostors: &Impostors<'_>,
     picture: &Picture,
     side: usize,
@@ -244,7 +257,7 @@ fn render(
     };
     let middles: Vec<Place> = (0..side * side).map(|it| part(it, [FINE / 2; 2])).collect();
     let mut seen = Vec::with_capacity(middles.len());
-    look(traced, impostors, picture, &middles, |_, met| seen.push(picture.seen(met)))?;
+    visit_places(traced, impostors, picture, &middles, |_, met| seen.push(picture.seen(met)))?;
     // Pixels beside which something else is seen are looked at again, finer.
     let differs = |i: usize| {
         let (x, y) = (i % side, i / side);
@@ -270,7 +283,7 @@ fn render(
         };
         let fine: Vec<Place> = pixels.iter().flat_map(parts).collect();
         let mut sums = vec![[0.0; 3]; pixels.len()];
-        look(traced, impostors, picture, &fine, |at, met| {
+        visit_places(traced, impostors, picture, &fine, |at, met| {
             let (light, _) = picture.seen(met);
             let sum = &mut sums[at / (FINE * FINE)];
             (0..3).for_each(|i| sum[i] += light[i] / (FINE * FINE) as f64);
@@ -300,6 +313,8 @@ fn turned(scene: &Scene, camera: Camera, reach: f64) -> Scene {
     turned.detector.distance = 2.0 * turned.source.distance;
     turned.detector.pixels = [1, 1];
     turned.detector.pitch = [8.0 * reach + 1e-3; 2];
+    turned.microstructures.clear();
+    turned.scattering.clear();
     turned.sample_mask = None;
     turned.detector_mask = None;
     turned.scan = Scan::default();

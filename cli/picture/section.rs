@@ -1,7 +1,7 @@
 //! The sample seen from above: its section in the plane z = 0, and its convex outline.
 
-use beamlet::geometry::Sample;
-use glam::{DVec2, DVec3};
+use beamlet::geometry::{Component, Sample};
+use glam::DVec2;
 use std::collections::HashMap;
 use std::f64::consts::TAU;
 
@@ -12,7 +12,9 @@ type MeshEdge = (u32, u32);
 #[derive(Debug)]
 pub(super) struct Loop {
     pub(super) points: Vec<[f64; 2]>,
-    pub(super) component: usize,
+    /// Object that it bounds, and the one on its other side; `None`: the surroundings.
+    pub(super) object: u32,
+    pub(super) outside: Option<u32>,
     /// True if it surrounds a region without material: a hole.
     pub(super) hole: bool,
     pub(super) area: f64,
@@ -59,7 +61,8 @@ pub(super) fn section(sample: &Sample) -> Vec<Loop> {
         }
         if points.len() > 2 {
             let area = signed_area(&points);
-            loops.push(Loop { points, component: start.1, hole: area < 0.0, area: area.abs() });
+            let Component { object, outside, .. } = sample.components[start.1];
+            loops.push(Loop { points, object, outside, hole: area < 0.0, area: area.abs() });
         }
     }
     // A hole before what fills it to the last digit, as a bolt fills its bore.
@@ -87,12 +90,20 @@ pub(super) fn outlines(sample: &Sample) -> Vec<Vec<[f64; 2]>> {
         });
         points[object(*component)].extend(corners);
     }
-    let directions: Vec<DVec3> = (0..DIRECTIONS)
-        .map(|it| DVec2::from_angle(TAU * f64::from(it) / f64::from(DIRECTIONS)).extend(0.0))
-        .collect();
-    for placed in &sample.placed {
-        let farthest = directions.iter().map(|it| sample.farthest_of_placed(placed, *it));
-        points[object(placed.component)].extend(farthest.map(|it| [it.x, it.y]));
+    let direction = |it: u32| DVec2::from_angle(TAU * f64::from(it) / f64::from(DIRECTIONS));
+    for along in (0..DIRECTIONS).map(direction) {
+        // Of all instances only the farthest one matters.
+        let mut farthest: Vec<Option<DVec2>> = vec![None; points.len()];
+        for placed in &sample.placed {
+            let at = sample.farthest_of_placed(placed, along.extend(0.0)).truncate();
+            let best = &mut farthest[object(placed.component)];
+            if best.is_none_or(|best| best.dot(along) < at.dot(along)) {
+                *best = Some(at);
+            }
+        }
+        for (points, farthest) in points.iter_mut().zip(farthest) {
+            points.extend(farthest.map(DVec2::to_array));
+        }
     }
     points.into_iter().map(outline).collect()
 }
@@ -185,8 +196,7 @@ mod tests {
              [[object]]\nname = 'ball'\nmaterial = 'gold'\nshape = { sphere = { radius = '1 mm', sides = 32 } }\n",
         );
         let loops = section(&sample);
-        let objects: Vec<u32> =
-            loops.iter().map(|l| sample.components[l.component].object).collect();
+        let objects: Vec<u32> = loops.iter().map(|l| l.object).collect();
         assert_eq!(objects, [0, 1]);
         assert!(loops.iter().all(|l| !l.hole));
     }

@@ -23,8 +23,8 @@ const STRIPS: u32 = 48;
 const MOST_SEEN: f64 = 40.0;
 const DETECTOR: Rgb = [40, 110, 150];
 
-/// Bytes for each triangle of the sample while its outline and its section are found: corners of
-/// all triangles, sorted, and those that the section cuts, by their edges.
+/// Bytes for each triangle of meshes, and of the instances that the section cuts, while the drawing is made: its
+/// corners, and those of the section by their edges.
 const OF_TRIANGLE: u64 = 320;
 
 /// Draws the set-up at angle 0.
@@ -195,14 +195,13 @@ fn sample_from_above(
     map: &dyn Fn([f64; 2]) -> [f64; 2],
 ) {
     for one in &above.loops {
-        let component = &above.sample.components[one.component];
         let colour = match one.hole {
-            false => colour_of_object(scene, Some(component.object)),
-            true => colour_of_object(scene, component.outside),
+            false => colour_of_object(scene, Some(one.object)),
+            true => colour_of_object(scene, one.outside),
         };
         let fill = if colour == palette::EMPTY { colour } else { pale(colour, 0.55) };
         let points: Vec<[f64; 2]> = one.points.iter().map(|point| map(*point)).collect();
-        let edge = colour_of_object(scene, Some(component.object));
+        let edge = colour_of_object(scene, Some(one.object));
         let paint = Paint { fill: Some((fill, 1.0)), ..Paint::line(edge, 1.0) };
         drawing.path(thinned(&points, 0.12), true, paint);
     }

@@ -12,6 +12,8 @@ use beamlet_model::scene::{
 
 /// Diameter over the width of a pixel below which a pixel sees the mean of many bodies.
 const SMALL: f64 = 0.1;
+/// Height over the radius above which cylinders count as long.
+const LONG: f64 = 20.0;
 
 /// Advice for each packing of bodies that are small against pixels, at an energy, keV.
 ///
@@ -20,13 +22,20 @@ const SMALL: f64 = 0.1;
 pub(super) fn advice(scene: &Scene, objects: &[CheckedObject], energy: f64) -> Result<Vec<String>> {
     let mut all = Vec::new();
     for (object, checked) in scene.objects.iter().zip(objects) {
-        let Some(medium) = medium(object) else { continue };
-        let inside = scene.objects.iter().find(|it| checked.inside.first() == Some(&it.name));
-        let host = inside.map_or(&scene.surroundings, |it| &it.material);
+        let Some(medium) = medium(object, checked.volume) else { continue };
+        let host = match checked.inside.as_slice() {
+            [] => Some(&scene.surroundings),
+            [name] => scene.objects.iter().find(|it| it.name == *name).map(|it| &it.material),
+            _ => None,
+        };
+        let Some(host) = host else { continue };
         let mut instead = scene.clone();
         instead.microstructures.insert(host.clone(), medium);
-        if let Some(of_medium) = Description::of(&instead, host, energy)?
+        // A run that would refuse the medium is not advised.
+        if instead.validate().is_ok()
+            && let Some(of_medium) = Description::of(&instead, host, energy)?
             && of_medium.per_pixel < SMALL
+            && of_medium.variances[1] > 0.0
         {
             all.push(words(&object.name, host, &of_medium));
         }
@@ -34,23 +43,25 @@ pub(super) fn advice(scene: &Scene, objects: &[CheckedObject], energy: f64) -> R
     Ok(all)
 }
 
-/// The bodies of a packing without a direction, as those of a material.
-fn medium(object: &Object) -> Option<Microstructure> {
+/// The bodies of a packing without a direction, of this volume (m³) in all, as those of a material.
+fn medium(object: &Object, volume: f64) -> Option<Microstructure> {
     let Some(Instances::Packing(packing)) = &object.instances else { return None };
     let Packing { kind, region, amount, diameter_spread, .. } = packing;
-    let (shape, radius, volume) = match (&object.geometry, kind) {
+    let (shape, radius) = match (&object.geometry, kind) {
         (ShapeOrMesh::Shape(Shape::Sphere { radius, .. }), PackingKind::Spheres) => {
-            (BodyShape::Spheres, *radius, 4.0 / 3.0 * std::f64::consts::PI * radius.powi(3))
+            (BodyShape::Spheres, *radius)
         }
-        (ShapeOrMesh::Shape(Shape::Cylinder { radius, height, .. }), PackingKind::RandomFibres) => {
-            (BodyShape::Cylinders, *radius, std::f64::consts::PI * radius * radius * height)
+        (ShapeOrMesh::Shape(Shape::Cylinder { radius, height, .. }), PackingKind::RandomFibres)
+            if *height > LONG * radius =>
+        {
+            (BodyShape::Cylinders, *radius)
         }
         _ => return None,
     };
     let scale = object.placement.scale;
     let fraction = match amount {
         PackingAmount::Fill(fill) => *fill,
-        PackingAmount::Count(count) => f64::from(*count) * volume / region.volume(),
+        PackingAmount::Count(_) => volume / (region.volume() * scale.powi(3)),
     };
     let mut medium = Microstructure::new(shape, &object.material, 2.0 * radius * scale, fraction);
     medium.spread = *diameter_spread;

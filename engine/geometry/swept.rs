@@ -163,18 +163,19 @@ impl Swept {
         for object in self.listed(scene) {
             let name = &self.names[object];
             let is_mesh = |o: &&Object| matches!(o.geometry, ShapeOrMesh::Mesh(_));
-            let is_mesh = scene.objects.iter().filter(is_mesh).any(|it| it.name == *name);
+            let mesh = scene.objects.iter().filter(is_mesh).find(|it| it.name == *name);
             let Reach { worst, passes, outside } = self.reach(scene, object);
             let ends = worst.into_iter().zip(half).zip(["x", "z"]).zip(outside);
             for ((((reach, view), half), axis), outside) in ends {
                 if reach > half && !(axis == "z" && passes) {
                     let lies = if outside { "lies in all views" } else { "reaches" };
-                    let doubt = match (is_mesh, outside) {
-                        (true, true) => {
+                    let is_off = mesh.map(|it| outside && !it.placement.center);
+                    let doubt = match is_off {
+                        Some(true) => {
                             "`center = true` puts a mesh on the axis; is its `unit` (or `scale`) the right one"
                         }
-                        (true, false) => "is its `unit` (or `scale`) the right one",
-                        (false, _) => "are its size and place the right ones",
+                        Some(false) => "is its `unit` (or `scale`) the right one",
+                        None => "are its size and place the right ones",
                     };
                     warnings.push(format!(
                         "\"{name}\" {lies} outside the field of view: {:.3} mm from the centre of the \

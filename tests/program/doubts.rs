@@ -194,6 +194,11 @@ fn standing_rods_are_named_once_and_angles_are_numbers() {
     let report = checked(directory.path(), &text, "");
     assert_eq!(report.matches("along z through the field: first (").count(), 1, "{report}");
     // Of their height the field shows its own, 150 um at the magnification of the rotation centre.
+    let of_field = report.split("field of view").nth(1).and_then(|it| it.split(" x ").nth(1));
+    let seen: f64 = of_field.unwrap().split(" um").next().unwrap().trim().parse().unwrap();
+    let share: f64 =
+        report.split("first (").nth(1).unwrap().split(" %").next().unwrap().parse().unwrap();
+    assert!((share / (seen / 160.0) - 1.0).abs() < 1e-3, "{share} % of 16 mm for {seen} um");
     assert_eq!(report.matches(" % of its 16 mm").count(), 2, "{report}");
     assert!(!report.contains("outside the field"), "{report}");
     let json = checked(directory.path(), &text, "--json");

@@ -336,6 +336,16 @@ fn pictures_that_are_there_are_replaced_only_when_asked() {
     assert_ne!(fs::read(&mine).unwrap(), b"mine");
 }
 
+/// A packing and its medium, whose material keeps no structure in the picture.
+#[test]
+fn a_scene_with_a_microstructure_is_drawn() {
+    let place = tempfile::tempdir().unwrap();
+    done(place.path(), "example powder -o powder");
+    done(place.path(), "view powder/scene.toml -o pictures");
+    let sample = picture(&place.path().join("pictures/sample.png"));
+    assert!(inked(&sample, 15..15 + 1140) > 0.2);
+}
+
 /// Exact shapes of opaque objects are found by their places, all others by rays: both are drawn alike, in front of one
 /// another and inside a translucent body.
 #[test]
@@ -361,6 +371,13 @@ fn exact_shapes_are_drawn_like_their_facets() {
                 "tip",
                 format!("cone = {{ radius = \"0.5 mm\", height = \"1 mm\"{sides} }}"),
                 [0.6, -0.5, -0.7],
+            ),
+            // It crosses the ball.
+            ("bump", format!("sphere = {{ radius = \"0.4 mm\"{sides} }}"), [-0.4, -0.6, 0.9]),
+            (
+                "fibre",
+                format!("cylinder = {{ radius = \"0.04 mm\", height = \"2 mm\"{sides} }}"),
+                [0.1, -1.0, 0.0],
             ),
             (
                 "pipe",

@@ -169,7 +169,7 @@ fn ct_in_two_set_ups_returns_scattering_and_sizes_of_three_materials() {
         }
     }
     worst.holds();
-    let mut worst = Worst::new("diameter from two set-ups, relative", 0.1);
+    let mut worst = Worst::new("diameter from two set-ups, relative", 0.02);
     for (index, rod) in RODS.iter().enumerate() {
         let Some(structure) = scenes[0].microstructures.get(rod.name) else { continue };
         let ratio = found[1][index] / found[0][index];

@@ -221,7 +221,7 @@ fn lines_enter_shapes_where_points_of_them_begin_to_lie_inside() {
             let start = 3.0 * size * draws.point();
             let towards = 0.8 * size * draws.point();
             let along = match at % 4 {
-                // Along an end, and along the axis.
+                // Across the axis, and along it.
                 0 => (towards - start).truncate().extend(0.0),
                 1 => DVec3::Z * size,
                 _ => towards - start,
@@ -259,5 +259,5 @@ fn lines_enter_shapes_where_points_of_them_begin_to_lie_inside() {
             }
         }
     }
-    assert!(hits > 500, "{hits}");
+    assert!(hits > 300, "{hits}");
 }

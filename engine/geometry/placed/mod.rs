@@ -159,12 +159,13 @@ impl Sample {
         self.triangles_as_meshes_of(|_| true)
     }
 
-    /// Triangles of [`Sample::as_meshes_of`], but for what shapes that cross lose of each other.
+    /// Most triangles of [`Sample::as_meshes_of`].
     #[doc(hidden)]
     pub fn triangles_as_meshes_of(&self, wanted: impl Fn(&Placed) -> bool) -> u64 {
         let of = |it: &Placed| self.prototypes[it.prototype as usize].triangles.len() as u64;
-        let placed = self.placed.iter().filter(|it| wanted(it));
-        self.triangles.len() as u64 + placed.map(of).sum::<u64>()
+        let is_there = |(at, it): &(u32, &Placed)| self.partners.of(*at).is_some() || wanted(it);
+        let placed = (0_u32..).zip(&self.placed).filter(is_there);
+        self.triangles.len() as u64 + placed.map(|(_, it)| of(it)).sum::<u64>()
     }
 
     /// The same surfaces with every instance as a mesh of its own, and shapes that cross without what
@@ -174,7 +175,7 @@ impl Sample {
         self.as_meshes_of(|_| true)
     }
 
-    /// As [`Self::as_meshes`], without the instances that are not wanted.
+    /// As [`Self::as_meshes`], without the instances that are not wanted; of shapes that cross all are there.
     #[doc(hidden)]
     pub fn as_meshes_of(&self, wanted: impl Fn(&Placed) -> bool) -> Cow<'_, Self> {
         if self.placed.is_empty() {
