@@ -66,6 +66,12 @@ pub(crate) enum SpectralBand {
 }
 
 impl SpectralBand {
+    /// Light of each energy of a scene.
+    pub(crate) fn nodes(media: &MaterialTable) -> impl Iterator<Item = Self> {
+        let nodes = media.energies.iter().zip(&media.weights);
+        nodes.map(|(&energy, &weight)| Self::Node { energy, weight })
+    }
+
     /// Energy at which bars of the sample mask (0) or detector mask (1) are, and the edge variance that energies
     /// share; `None` where the light does not see the mask.
     pub(super) fn seen(&self, mask: usize) -> Option<(Option<f64>, Option<f32>)> {

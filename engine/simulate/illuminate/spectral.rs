@@ -138,6 +138,24 @@ impl EnergyBinning {
         cell_rows: &CellBatch,
     ) -> Result<Vec<CellBatch>> {
         let repeated = self.repeat(tracer, cell_rows)?;
+        Ok(self.gather(&repeated, known, cell_rows))
+    }
+
+    /// As [`EnergyBinning::lists`], of cells without a sample.
+    pub(crate) fn blank_lists(
+        &self,
+        known: &mut MaskTransmissionCache,
+        cell_rows: &CellBatch,
+    ) -> Vec<CellBatch> {
+        self.gather(&Repeated::default(), known, cell_rows)
+    }
+
+    fn gather(
+        &self,
+        repeated: &Repeated,
+        known: &mut MaskTransmissionCache,
+        cell_rows: &CellBatch,
+    ) -> Vec<CellBatch> {
         known.look_at(self, cell_rows);
         let gathered: Vec<Vec<CellBatch>> = cell_rows
             .cell_rows
@@ -148,7 +166,7 @@ impl EnergyBinning {
                     self.bin_energies(
                         cell_rows,
                         cell_row,
-                        &repeated,
+                        repeated,
                         known.at(self, cell_row),
                         scratch,
                     );
@@ -168,7 +186,7 @@ impl EnergyBinning {
             list.balance();
             list
         };
-        Ok(parts.into_par_iter().map(list).collect())
+        parts.into_par_iter().map(list).collect()
     }
 
     /// Cells of a cell row for every list, in the scratch.

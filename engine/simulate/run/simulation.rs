@@ -2,6 +2,9 @@
 
 mod backend;
 pub mod cells;
+mod detection;
+mod estimate;
+mod light;
 mod prepare;
 mod rays;
 mod seconds;
@@ -9,14 +12,13 @@ mod side_by_side;
 mod work;
 
 use crate::detector::{self, DetectorModel};
-use crate::illuminate::EnergyBinning;
 use crate::run::Control;
 use crate::run::edge_blur::bounded;
 use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
 use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
 use crate::trace::{DeviceSample, Tracer};
-use crate::wave::{self, WavePlans};
+use crate::wave;
 pub use backend::choose;
 use beamlet_core::parallel::start_threads;
 use beamlet_core::tally::Tally;
@@ -24,11 +26,13 @@ use beamlet_core::{Result, numbers};
 use beamlet_files as stack;
 use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingError, SamplingSummary, Sink};
 use beamlet_geometry::{self as geometry, Sample};
-use beamlet_gpu::{Backend, Device, DeviceKind, EngineOptions};
+use beamlet_gpu::{Device, DeviceKind, EngineOptions};
 use beamlet_model::media::MaterialTable;
-use beamlet_model::scene::{Exposure, Scene, Scheme};
+use beamlet_model::scene::{Exposure, Scene};
+use light::{LightKind, Pose};
 pub use rays::{moments, trace};
 use side_by_side::{Handed, side_by_side};
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 use work::ViewWork;
@@ -47,12 +51,7 @@ pub struct Simulation {
     facets: sampling::SampleFacets,
     media: MaterialTable,
     lattice: Lattice,
-    /// For a spectrum, by cells.
-    spectral: Option<EnergyBinning>,
-    /// Lines of rays in place of cells, for waves.
-    wave: Option<WavePlans>,
-    /// Moments of the rays that bound cells, under a spectrum.
-    recording: Option<sampling::MomentRecording>,
+    light: LightKind,
     /// Effect of changes of a cell on recorded values.
     response: Arc<Response>,
     /// Shares of the light that the bars of the masks let through.
@@ -93,21 +92,25 @@ impl Simulation {
         self.simulator.options()
     }
 
-    fn tracer(&self, backend: Backend, memory: &MemoryEstimate) -> Result<Tracer> {
+    /// A tracer whose batches adapt.
+    fn tracer(&self, memory: &MemoryEstimate) -> Result<Tracer> {
+        self.tracer_with(memory, None)
+    }
+
+    /// A tracer of rays that are made and stay on the device, where their batches do not adapt: a GPU takes all, but
+    /// for small ones, whose drivers end long dispatches.
+    fn tracer_of_batches(&self, memory: &MemoryEstimate) -> Result<Tracer> {
+        let whole = self.device().description().kind == DeviceKind::Discrete;
         let most = numbers::at_most(numbers::length(memory.rays_at_once));
-        // Random rays are made and stay on the device, where their batches do not adapt: a GPU takes all, but
-        // for small ones, whose drivers end long dispatches.
-        let is_random = self.scene.sampling.scheme == Scheme::Random;
-        let whole = is_random && self.device().description().kind == DeviceKind::Discrete;
-        Tracer::new(
-            self.device(),
-            self.simulator.trace_kernels(),
-            &self.on_device,
-            backend,
-            self.scene.sampling.transport,
-            self.options().batch_rays.or(whole.then_some(most)),
-            most,
-        )
+        self.tracer_with(memory, whole.then_some(most))
+    }
+
+    fn tracer_with(&self, memory: &MemoryEstimate, batch: Option<u32>) -> Result<Tracer> {
+        let kernels = self.simulator.trace_kernels();
+        let (backend, transport) = (self.start.backend, self.scene.sampling.transport);
+        let batch = self.options().batch_rays.or(batch);
+        let most = numbers::at_most(numbers::length(memory.rays_at_once));
+        Tracer::new(self.device(), kernels, &self.on_device, backend, transport, batch, most)
     }
 
     /// View of a pose of the sample.
@@ -131,13 +134,8 @@ impl Simulation {
         let limit = self.options().memory_limit.zip(memory.left_for_lines);
         sampling::Room {
             limit: limit.map(<[u64; 2]>::from),
-            words: self.recording.as_ref().map_or(0, sampling::MomentRecording::words),
+            words: self.light.spectrum().map_or(0, |spectrum| spectrum.recording.words()),
         }
-    }
-
-    /// Words of a ray's moments.
-    pub(super) fn moment_words(&self) -> usize {
-        self.media.moment_words()
     }
 
     /// Effect of changes of a cell on recorded values at the mask offsets of a view.
@@ -157,23 +155,28 @@ impl Simulation {
     /// Inputs of the sampling of a pose.
     fn pose_context<'a>(
         &'a self,
-        pose: u32,
-        projected_bounds: &'a [ProjectedBounds],
+        pose: &'a Pose,
         response: &'a Response,
     ) -> sampling::ViewContext<'a> {
         let optics = self.detector.optics();
         sampling::ViewContext {
             optics,
-            motion: self.scene.pose(pose as usize, optics.detector.pitch[0]),
+            motion: self.scene.pose(pose.index as usize, optics.detector.pitch[0]),
             sample: &self.sample,
             facets: &self.facets,
             lattice: &self.lattice,
-            pose,
-            projected_bounds,
-            recording: self.recording.as_ref(),
+            pose: pose.index,
+            projected_bounds: &pose.shadows,
+            recording: self.light.spectrum().map(|spectrum| &spectrum.recording),
             response,
             budget: self.budget,
         }
+    }
+
+    /// The rows of the detector in bands.
+    fn bands(&self) -> impl Iterator<Item = Range<u32>> + use<> {
+        let (rows, band) = (self.scene.detector.pixels[1], self.band_rows());
+        (0..rows).step_by(band as usize).map(move |first| first..rows.min(first + band))
     }
 
     /// Rows of a band within the memory limit.
@@ -227,7 +230,7 @@ impl Simulation {
             sink.commit(*view)?;
             made.add(own);
         }
-        made.seconds += work.seconds;
+        made.seconds += work.seconds();
         Ok(())
     }
 
@@ -266,7 +269,7 @@ impl Simulation {
         let cancel = control.cancel.of_part();
         let lanes = self.lanes(views.len());
         let memory = if lanes > 1 { self.memory } else { self.alone };
-        let lane = |_| ViewWork::new(self, &views, &cancel, memory);
+        let lane = |_| ViewWork::new(self, &views, &cancel, &memory);
         let mut work = (0..lanes).map(lane).collect::<Result<Vec<_>>>()?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
@@ -283,7 +286,7 @@ impl Simulation {
         if made.views < views.len() {
             let one = match one {
                 Some(one) => one,
-                None => ViewWork::new(self, &views, &control.cancel, self.alone)?,
+                None => ViewWork::new(self, &views, &control.cancel, &self.alone)?,
             };
             self.one_by_one(one, &views, sink, &mut control, &mut made)?;
         }

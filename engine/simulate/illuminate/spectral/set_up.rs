@@ -135,9 +135,8 @@ impl EnergyBinning {
         let groups = self.groups.iter().map(|&leaks| SpectralBand::Group {
             edge_variance: [edge_variance(0, leaks), edge_variance(1, leaks)],
         });
-        let nodes = media.energies.iter().zip(&media.weights);
         groups
-            .chain(nodes.map(|(&energy, &weight)| SpectralBand::Node { energy, weight }))
+            .chain(SpectralBand::nodes(media))
             .map(|part| IlluminationBuffer::of_cells(device, scene, optics, &self.lattice, &part))
             .collect()
     }

@@ -1,6 +1,7 @@
 //! The cells of a pose as they go to the illumination, for tests.
 
 use super::Simulation;
+use super::light::Pose;
 use crate::sampling::{self, CellBatch};
 use crate::trace::Tracer;
 use beamlet_core::Result;
@@ -13,10 +14,11 @@ use std::ops::Range;
 /// # Errors
 /// As [`Simulation::run`].
 pub fn cells_of_rows(simulation: &Simulation, pose: u32, rows: Range<i64>) -> Result<CellBatch> {
-    let projected_bounds = simulation.projected_bounds(pose);
-    let mut tracer = simulation.tracer(simulation.start.backend, &simulation.alone)?;
-    let response = simulation.response(Exposure::Sample(simulation.view_of(pose)));
-    let mut view = simulation.pose_context(pose, &projected_bounds, &response);
+    let mut tracer = simulation.tracer(&simulation.alone)?;
+    let shadows = simulation.projected_bounds(pose);
+    let pose = Pose { view: Exposure::Sample(simulation.view_of(pose)), index: pose, shadows };
+    let response = simulation.response(pose.view);
+    let mut view = simulation.pose_context(&pose, &response);
     view.budget.audit = 0.0;
     let mut parts = Vec::new();
     let room = simulation.room(&simulation.alone);

@@ -1,5 +1,6 @@
 //! A scene made ready on a device.
 
+use super::light::{LightKind, Spectrum};
 use super::{Simulation, backend};
 use crate::accel::Bvh;
 use crate::detector::DetectorModel;
@@ -27,7 +28,8 @@ struct SimulationParts {
     detector: DetectorModel,
     media: MaterialTable,
     lattice: Lattice,
-    spectral: Option<EnergyBinning>,
+    /// Energies of cells that are gathered.
+    energies: Option<EnergyBinning>,
 }
 
 impl Simulation {
@@ -63,11 +65,13 @@ impl Simulation {
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, optics, &media)?;
         wave::refuse(&scene, optics)?;
-        let is_spectral = media.energies.len() > 1 && scene.sampling.scheme == Scheme::Cells;
-        let spectral = is_spectral
+        let is_gathered = media.energies.len() > 1
+            && scene.sampling.scheme == Scheme::Cells
+            && scene.sampling.transport != Transport::Wave;
+        let energies = is_gathered
             .then(|| EnergyBinning::new(&scene, optics, &media, &lattice))
             .transpose()?;
-        let parts = SimulationParts { detector, media, lattice, spectral };
+        let parts = SimulationParts { detector, media, lattice, energies };
         Self::with(simulator, scene, parts, sample, control)
     }
 
@@ -92,17 +96,26 @@ impl Simulation {
         let wanted = options.backend;
         let description = device.description();
         backend::check(wanted, description)?;
-        let recording = parts.spectral.as_ref();
-        let recording =
-            recording.map(|_| sampling::MomentRecording::new(&parts.media, &sample.components));
         let ray_query = backend::may_query(wanted, description);
-        let SimulationParts { detector, media, lattice, spectral } = parts;
+        let SimulationParts { detector, media, lattice, energies } = parts;
         let optics = detector.optics();
         let leaks = optics::mean_leaks(&scene, optics, (&media.energies, &media.weights))?;
         let response = Response::new(optics, &lattice, (leaks, &Hardening::of(&media)), 0);
-        let wave = match scene.sampling.transport {
-            Transport::Wave => Some(WavePlans::new(device, &scene, optics, &lattice, &media)?),
-            Transport::Auto | Transport::FirstOrder | Transport::Exact => None,
+        let is_random = scene.sampling.scheme == Scheme::Random;
+        let light = match scene.sampling.transport {
+            Transport::Wave => {
+                LightKind::Waves(WavePlans::new(device, &scene, optics, &lattice, &media)?)
+            }
+            Transport::Auto | Transport::FirstOrder | Transport::Exact if is_random => {
+                LightKind::Random
+            }
+            Transport::Auto | Transport::FirstOrder | Transport::Exact => {
+                let recording = |energies| {
+                    let recording = sampling::MomentRecording::new(&media, &sample.components);
+                    Box::new(Spectrum { energies, recording })
+                };
+                LightKind::Cells(energies.map(recording))
+            }
         };
         let facet_kinks = wave::facet_kinks(&scene, &sample)?;
         facet_kinks.iter().for_each(|kink| log::warn!("waves: {kink}"));
@@ -129,12 +142,10 @@ impl Simulation {
             facets,
             media,
             lattice,
-            spectral,
+            light,
             response: Arc::new(response),
             leaks,
             budget,
-            recording,
-            wave,
             memory,
             alone,
             prepared_in: 0.0,

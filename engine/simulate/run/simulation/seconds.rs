@@ -3,7 +3,7 @@
 use std::ops::AddAssign;
 
 /// Seconds by stage.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Seconds {
     pub(super) trace: f64,
     pub(super) illuminate: f64,

@@ -165,7 +165,7 @@ impl Lanes<'_> {
             }
         }
         // The calling thread counts the writing.
-        Seconds { write: 0.0, ..work.seconds }
+        Seconds { write: 0.0, ..work.seconds() }
     }
 
     fn make(

@@ -1,10 +1,7 @@
 //! Share of a run that is done, by the cost of its rows and not by their number.
 
-use crate::run::{Progress, ViewProgress};
 use crate::sampling::{Lattice, ProjectedBounds};
-use crate::trace::Tracer;
 use beamlet_core::numbers;
-use beamlet_model::scene::Exposure;
 use std::cell::Cell;
 use std::ops::Range;
 
@@ -104,20 +101,5 @@ impl Share {
         let share = (self.done + self.view * of_view.min(1.0)) / self.all.max(1e-9);
         self.most.set(self.most.get().max(share.min(1.0)));
         self.most.get()
-    }
-}
-
-/// Reports the part of some rows of a view that is done, while they are in work.
-pub(super) fn advance<'a>(
-    progress: &'a mut Option<&mut dyn FnMut(Progress)>,
-    share: &'a Share,
-    (view, rows): (Exposure, &'a Range<i64>),
-    [rows_done, rows_total]: [u64; 2],
-) -> impl FnMut(&Tracer, f64) + 'a {
-    move |tracer, part| {
-        if let Some(progress) = progress {
-            let (rays, share) = (tracer.rays_traced(), share.with(rows, part));
-            progress(Progress::Views(ViewProgress { rows_done, rows_total, view, rays, share }));
-        }
     }
 }

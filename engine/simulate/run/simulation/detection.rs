@@ -1,6 +1,5 @@
 //! What blur and scatter of a detector take, from a few rows.
 
-use super::bands;
 use crate::detector::DetectorModel;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, reserve};
@@ -41,6 +40,6 @@ pub(super) fn detection_seconds(
     let of_row = if more > few { (timed(more)? - first) / f64::from(more - few) } else { 0.0 };
     let of_row = of_row.clamp(0.0, first / f64::from(few));
     let of_band = first - of_row * f64::from(few);
-    let band_count = bands(rows, height).count() as f64;
+    let band_count = f64::from(rows.div_ceil(height));
     Ok((of_row * f64::from(rows) + of_band * band_count) * steps as f64)
 }

@@ -1,0 +1,171 @@
+//! Sums of the light of cells on the device.
+
+use super::Simulation;
+use crate::illuminate::{
+    ApertureEdges, CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache,
+    PixelSums, SpectralBand,
+};
+use crate::sampling::{self, CellBatch, Lattice};
+use crate::trace::Tracer;
+use beamlet_core::cancel::Cancel;
+use beamlet_core::{Result, numbers};
+use beamlet_gpu::LazyKernel;
+use ndarray::Array3;
+use std::ops::Range;
+use std::time::Instant;
+
+/// Cells whose energies are gathered at once: exact transport at each node takes 2 KiB and more a cell.
+const GATHERED: usize = 1 << 15;
+
+/// Sums of the light of cells in a band of rows.
+pub(super) struct CellLight<'s> {
+    lattice: &'s Lattice,
+    /// Energies that are gathered.
+    energies: Option<&'s EnergyBinning>,
+    /// Words of the moments of a ray.
+    moment_words: usize,
+    /// One for each list of cells.
+    lights: Vec<IlluminationBuffer>,
+    sums: PixelSums,
+    illuminator: CellIlluminator,
+    bars: MaskTransmissionCache,
+    /// Mask steps that are illuminated.
+    steps: u32,
+    /// Seconds of illumination, and of gathering energies.
+    pub(super) illumination: f64,
+    pub(super) gathering: f64,
+}
+
+impl<'s> CellLight<'s> {
+    /// Light of cells at the mean of a spectrum.
+    ///
+    /// # Errors
+    /// Of the device or memory.
+    pub(super) fn new(simulation: &'s Simulation, cancel: &Cancel) -> Result<Self> {
+        let Some(spectrum) = simulation.light.spectrum() else {
+            return Self::by_energy(simulation, cancel);
+        };
+        let (scene, media) = (&simulation.scene, &simulation.media);
+        let optics = simulation.detector.optics();
+        let lights = spectrum.energies.lights(simulation.device(), scene, optics, media)?;
+        Self::with(simulation, lights, Some(&spectrum.energies), cancel)
+    }
+
+    /// Light of cells of each energy.
+    ///
+    /// # Errors
+    /// Of the device or memory.
+    pub(super) fn by_energy(simulation: &'s Simulation, cancel: &Cancel) -> Result<Self> {
+        let (device, lattice) = (simulation.device(), &simulation.lattice);
+        let (scene, optics) = (&simulation.scene, simulation.detector.optics());
+        let bands = SpectralBand::nodes(&simulation.media);
+        let lights = bands
+            .map(|band| IlluminationBuffer::of_cells(device, scene, optics, lattice, &band))
+            .collect::<Result<_>>()?;
+        Self::with(simulation, lights, None, cancel)
+    }
+
+    fn with(
+        simulation: &'s Simulation,
+        lights: Vec<IlluminationBuffer>,
+        energies: Option<&'s EnergyBinning>,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let (device, optics) = (simulation.device(), simulation.detector.optics());
+        let columns = optics.detector.pixels[0] as usize;
+        let (steps, rows) = (optics.mask_steps(), simulation.most_lit_rows());
+        let kernels = simulation.simulator.illuminate_kernels();
+        Ok(Self {
+            lattice: &simulation.lattice,
+            energies,
+            moment_words: simulation.media.moment_words(),
+            lights,
+            sums: PixelSums::new(device, steps, rows, columns)?,
+            illuminator: CellIlluminator::new(device, kernels, cancel),
+            bars: MaskTransmissionCache::default(),
+            steps: numbers::count(steps),
+            illumination: 0.0,
+            gathering: 0.0,
+        })
+    }
+
+    /// The kernel of most cells.
+    pub(super) fn kernel(simulation: &Simulation) -> &LazyKernel {
+        let edges = ApertureEdges::of(simulation.detector.optics());
+        simulation.simulator.illuminate_kernels().usual(edges)
+    }
+
+    /// Begins sums of rows at a list of mask offsets.
+    ///
+    /// # Errors
+    /// Of the device.
+    pub(super) fn begin(&mut self, rows: &Range<u32>, list: usize) -> Result<()> {
+        let uploads = self.lights.iter_mut().map(|light| light.set_band(rows, list));
+        self.sums.clear(rows, &uploads.collect::<Vec<_>>())
+    }
+
+    /// Mask steps that are illuminated.
+    pub(super) const fn steps(&self) -> u32 {
+        self.steps
+    }
+
+    /// Illuminates the first mask steps only.
+    pub(super) const fn limit_steps(&mut self, steps: u32) {
+        self.steps = steps;
+    }
+
+    /// Adds the light of cells.
+    ///
+    /// # Errors
+    /// Of the device or memory; [`beamlet_core::Error::Interrupted`].
+    pub(super) fn add(&mut self, tracer: &mut Tracer, cells: &CellBatch) -> Result<()> {
+        let Some(energies) = self.energies else {
+            return self.add_lists(std::slice::from_ref(cells));
+        };
+        for part in cells.parts(GATHERED) {
+            let begin = Instant::now();
+            let lists = energies.lists(tracer, &mut self.bars, &part)?;
+            self.gathering += begin.elapsed().as_secs_f64();
+            self.add_lists(&lists)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the light of rows without a sample.
+    ///
+    /// # Errors
+    /// As [`CellLight::add`].
+    pub(super) fn add_blank(&mut self, rows: Range<i64>) -> Result<()> {
+        let mut cells = sampling::empty_cell_rows(self.lattice, rows);
+        let Some(energies) = self.energies else {
+            return self.add_lists(&[cells]);
+        };
+        cells.keep_nothing(self.moment_words);
+        for part in cells.parts(GATHERED) {
+            let begin = Instant::now();
+            let lists = energies.blank_lists(&mut self.bars, &part);
+            self.gathering += begin.elapsed().as_secs_f64();
+            self.add_lists(&lists)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the light of lists of cells, one for each record of light.
+    ///
+    /// # Errors
+    /// As [`CellLight::add`].
+    pub(super) fn add_lists(&mut self, lists: &[CellBatch]) -> Result<()> {
+        let begin = Instant::now();
+        self.illuminator.add(self.lights.iter().zip(lists), &self.sums, self.steps)?;
+        self.illumination += begin.elapsed().as_secs_f64();
+        Ok(())
+    }
+
+    /// The sums, `[step][row][column]`.
+    ///
+    /// # Errors
+    /// Of the device or memory.
+    pub(super) fn intensities(&self) -> Result<Array3<f32>> {
+        self.sums.intensities()
+    }
+}

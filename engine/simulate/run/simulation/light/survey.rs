@@ -1,0 +1,198 @@
+//! Cost and errors of the light of lines, from a sparse sample of the scene: patches spread over views, rows and columns
+//! are sampled and illuminated as in a run, and represent the others.
+
+use super::Pose;
+use super::lines::Lines;
+use crate::run::RunEstimate;
+use crate::sampling::{self, CellBatch, PATCHES_AT_ONCE, RowsCost};
+use crate::trace::Tracer;
+use beamlet_core::random::GOLDEN;
+use beamlet_core::{Result, numbers};
+use beamlet_files::AuditedError;
+use beamlet_model::scene::Exposure;
+use std::collections::HashSet;
+use std::ops::Range;
+use std::time::Instant;
+
+/// Rows of a view that are surveyed together: as many share lines at their borders in a run.
+const ROWS: i64 = 4;
+/// Largest number of looks.
+const MOST_LOOKS: u32 = 24;
+/// Least number of looks, whatever the time.
+const LEAST_LOOKS: u32 = 10;
+/// Seconds after which no further look is taken.
+const SECONDS: f64 = 1.0;
+/// Patches that the first look samples.
+const FIRST_PATCHES: f64 = 64.0;
+/// Fewest and most patches of a look.
+const PATCHES: [f64; 2] = [16.0, 256.0];
+/// Seconds for them.
+const SECONDS_OF_A_LOOK: f64 = 0.15;
+/// Blocks of rows of which patches are audited, and patches of each.
+const AUDITED_BLOCKS: u32 = 8;
+const AUDITED_PATCHES: f64 = 8.0;
+
+/// Look at a view.
+struct Look {
+    /// Seconds that finding the shadows took.
+    shadow_seconds: f64,
+    /// Cost of all rows that a shadow reaches.
+    cost: RowsCost,
+}
+
+/// Patches of a look.
+#[derive(Debug, Clone, Copy)]
+struct Choice {
+    /// Most of them.
+    most: f64,
+    /// Place of the first, as a share of their distance.
+    start: f64,
+    /// Mask steps that are not illuminated, for each that is.
+    steps_left_out: f64,
+}
+
+impl Lines<'_> {
+    /// Estimates rays, time and errors of a run.
+    pub(super) fn survey(&mut self) -> Result<RunEstimate> {
+        let left_out = self.cells.leave_out_steps();
+        let blank = self.cells.blank_seconds(self.simulation, left_out)?;
+        let looks = self.looks(left_out)?;
+        let views = self.simulation.pose_count();
+        let count = looks.len().max(1) as f64;
+        let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
+        let rays = mean(&|look| look.cost.rays);
+        let seconds = mean(&|look| look.shadow_seconds + look.cost.seconds);
+        let of_looks =
+            |of: &dyn Fn(&RowsCost) -> f64| looks.iter().map(|look| of(&look.cost)).sum::<f64>();
+        let sampled = of_looks(&|cost| cost.sampled);
+        let cells_per_patch =
+            of_looks(&|cost| cost.cells) / of_looks(&|cost| cost.patches).max(1.0);
+        let patches = mean(&|look| look.cost.patches);
+        Ok(RunEstimate {
+            rays_per_view: rays,
+            rays: rays * views,
+            lines: views * mean(&|look| look.cost.lines),
+            seconds: views * seconds + (views + 1.0) * blank,
+            cells_at_once: cells_per_patch * patches.min(PATCHES_AT_ONCE as f64),
+            patches_sampled: sampled,
+            sampling_error: self.audit()?,
+        })
+    }
+
+    /// Measured error of sampling of some patches of recorded rows, spread over views and rows.
+    fn audit(&mut self) -> Result<Option<AuditedError>> {
+        // Sums of squared errors, in squared tolerances, and patches of each block.
+        let mut blocks: Vec<[f64; 2]> = Vec::new();
+        for number in 0..AUDITED_BLOCKS {
+            let turn = (f64::from(number) * GOLDEN + 0.5).fract();
+            let pose = numbers::whole::<u32>(turn * self.simulation.pose_count());
+            let pose = self.pose(pose);
+            let all = self.simulation.shadow_rows(&pose.shadows);
+            let [low, high] = [all.start.max(0), all.end.min(self.simulation.grid_rows())];
+            let first = low + numbers::whole::<i64>(turn * (high - low).max(0) as f64);
+            let rows = first..(first + ROWS).min(high);
+            if rows.is_empty() {
+                continue;
+            }
+            let band = self.begin_band(rows.start)?;
+            let Self { tracer, simulation, .. } = self;
+            let response = simulation.response(pose.view);
+            let mut view = simulation.pose_context(&pose, &response);
+            view.budget.audit = 1.0;
+            let chosen = (AUDITED_PATCHES, turn);
+            let audited = sampling::count_patches(&view, tracer, rows, &band, chosen)?.audit.all();
+            if audited.patches > 0 {
+                blocks.push([audited.squares()[0], audited.patches as f64]);
+            }
+        }
+        let sum = |of: &dyn Fn(&[f64; 2]) -> f64| blocks.iter().map(of).sum::<f64>();
+        let (count, patches) = (blocks.len() as f64, sum(&|[_, patches]| *patches));
+        let square = sum(&|[squares, _]| *squares) / patches;
+        // Blocks differ by their patches, and by the places of rays.
+        let apart = sum(&|[squares, patches]| (squares - square * patches).powi(2));
+        let error = (apart * count / (count - 1.0)).sqrt() / patches;
+        let tolerance = self.simulation.budget.tolerance;
+        Ok((blocks.len() > 1)
+            .then(|| AuditedError::of([square, error], numbers::whole(patches), tolerance)))
+    }
+
+    /// Looks at rows of views, spread over both.
+    fn looks(&mut self, steps_left_out: f64) -> Result<Vec<Look>> {
+        let mut looks = Vec::new();
+        let mut seen = HashSet::new();
+        let begin = Instant::now();
+        let mut patches = FIRST_PATCHES;
+        for number in 0..MOST_LOOKS {
+            if number >= LEAST_LOOKS && begin.elapsed().as_secs_f64() > SECONDS {
+                break;
+            }
+            let view = (f64::from(number) * GOLDEN + 0.5).fract() * self.simulation.pose_count();
+            let view = numbers::whole::<u32>(view);
+            let shadow = Instant::now();
+            let pose = self.pose(view);
+            let shadow_seconds = shadow.elapsed().as_secs_f64();
+            let all = self.simulation.shadow_rows(&pose.shadows);
+            // Rows beside the detector take few rays: they are looked at apart.
+            let inner = all.start.max(0)..all.end.min(self.simulation.grid_rows());
+            let inner = if inner.is_empty() { all.start..all.start } else { inner };
+            let parts = [inner.clone(), all.start..inner.start, inner.end..all.end];
+            let block_of = |part: &Range<i64>| {
+                let blocks = (part.end - part.start + ROWS - 1) / ROWS;
+                numbers::whole::<i64>(radical_inverse(number) * blocks as f64)
+            };
+            if all.is_empty() || !seen.insert((view, parts.each_ref().map(block_of))) {
+                continue;
+            }
+            let start = (f64::from(number) * GOLDEN).fract();
+            let mut cost = RowsCost::default();
+            for part in parts.iter().filter(|part| !part.is_empty()) {
+                let first = part.start + block_of(part) * ROWS;
+                let rows = first..(first + ROWS).min(part.end);
+                let share = (part.end - part.start) as f64 / (rows.end - rows.start) as f64;
+                let choice = Choice { most: patches, start, steps_left_out };
+                let of_rows = self.look(&pose, rows, choice)?;
+                cost = cost.and(&of_rows.times(share));
+            }
+            if cost.sampled > 0.0 {
+                let each = (cost.spent / cost.sampled).max(1e-9);
+                patches = (SECONDS_OF_A_LOOK / each).clamp(PATCHES[0], PATCHES[1]);
+            }
+            looks.push(Look { shadow_seconds, cost });
+        }
+        Ok(looks)
+    }
+
+    fn look(&mut self, pose: &Pose, rows: Range<i64>, choice: Choice) -> Result<RowsCost> {
+        let band = self.begin_band(rows.start)?;
+        let Self { cells, tracer, simulation, .. } = self;
+        let blur_rows = simulation.lattice.blur_rows;
+        let lit = band.start - blur_rows..band.end + blur_rows;
+        let response = simulation.response(pose.view);
+        let mut view = simulation.pose_context(pose, &response);
+        view.budget.audit = 0.0;
+        let mut add = |tracer: &mut Tracer, batch: &CellBatch| {
+            let before = cells.illumination;
+            cells.add(tracer, batch)?;
+            Ok(choice.steps_left_out * (cells.illumination - before))
+        };
+        let Choice { most, start, .. } = choice;
+        sampling::survey_rows(&view, tracer, rows, &lit, (most, start), &mut add)
+    }
+
+    fn pose(&self, index: u32) -> Pose {
+        let view = Exposure::Sample(self.simulation.view_of(index));
+        Pose { view, index, shadows: self.simulation.projected_bounds(index) }
+    }
+
+    /// Begins the sums of the band with a row of the grid; rows of the band.
+    fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
+        let band = self.simulation.band_of(row);
+        self.cells.begin(&band, 0)?;
+        Ok(band.start.into()..band.end.into())
+    }
+}
+
+/// Van der Corput's sequence in base 2: evenly spread over [0, 1) from the first numbers on.
+fn radical_inverse(number: u32) -> f64 {
+    f64::from(number.reverse_bits()) / 2_f64.powi(32)
+}

@@ -1,0 +1,163 @@
+//! Light of lines by waves, and of their parts near grazing by cells.
+
+use super::cells::CellLight;
+use super::{Light, LitRows, Pose, Report};
+use crate::run::simulation::Simulation;
+use crate::run::simulation::seconds::Seconds;
+use crate::run::{MemoryEstimate, RunEstimate};
+use crate::trace::Tracer;
+use crate::wave::{CellPlaces, WaveBand, WavePlans, WaveView};
+use beamlet_core::cancel::Cancel;
+use beamlet_core::random::GOLDEN;
+use beamlet_core::tally::Tally;
+use beamlet_core::{Result, numbers};
+use beamlet_gpu::LazyKernel;
+use beamlet_model::scene::Exposure;
+use ndarray::Array3;
+use std::ops::Range;
+use std::time::Instant;
+
+/// Rows of a view that are timed for an estimate.
+const TIMED_ROWS: i64 = 2;
+/// Places that are timed, spread over views and rows.
+const LOOKS: u32 = 4;
+
+/// Light by waves.
+pub(super) struct Waves<'s> {
+    simulation: &'s Simulation,
+    plans: &'s WavePlans,
+    tracer: Tracer,
+    band: WaveBand,
+    /// Light of cells near grazing, and their number in the band.
+    grazing: CellLight<'s>,
+    grazing_cells: usize,
+    /// Index of the list of mask offsets in work.
+    list: usize,
+    /// Seconds of [`Light::add`].
+    seconds: f64,
+}
+
+impl<'s> Waves<'s> {
+    pub(super) fn new(
+        simulation: &'s Simulation,
+        plans: &'s WavePlans,
+        memory: &MemoryEstimate,
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        let kernels = simulation.simulator.wave_kernels();
+        let mut tracer = simulation.tracer(memory)?;
+        tracer.set_cancel(cancel.clone());
+        let [field, line] = kernels.all();
+        let [walk, exact] = tracer.wanted_kernels();
+        let traced = [CellLight::kernel(simulation), walk, exact];
+        let traced = if simulation.sample.is_empty() { &[][..] } else { &traced[..] };
+        LazyKernel::make_all(&[&[field, line], traced].concat(), cancel)?;
+        let columns = simulation.detector.optics().detector.pixels[0];
+        Ok(Self {
+            simulation,
+            plans,
+            tracer,
+            band: WaveBand::new(simulation.device(), plans, kernels, columns)?,
+            grazing: CellLight::by_energy(simulation, cancel)?,
+            grazing_cells: 0,
+            list: 0,
+            seconds: 0.0,
+        })
+    }
+
+    fn add_rows(&mut self, pose: &Pose, rows: &Range<i64>) -> Result<Tally> {
+        let simulation = self.simulation;
+        let view = WaveView {
+            lattice: &self.plans.lattice,
+            shadows: &pose.shadows,
+            pose: pose.index,
+            list: self.list,
+            tolerance: simulation.budget.light,
+            max_rays: simulation.budget.max_rays,
+            cells: CellPlaces {
+                lattice: &simulation.lattice,
+                optics: simulation.detector.optics(),
+                weights: &simulation.media.weights,
+            },
+        };
+        let (tally, cells) = self.band.add_rows(&mut self.tracer, &view, rows)?;
+        let count: usize = cells.iter().map(|list| list.cells.len()).sum();
+        if count > 0 {
+            self.grazing_cells += count;
+            self.grazing.add_lists(&cells)?;
+        }
+        Ok(tally)
+    }
+}
+
+impl Light for Waves<'_> {
+    fn begin(&mut self, rows: &Range<u32>, view: Exposure) -> Result<()> {
+        self.list = self.simulation.detector.optics().offsets.list_of(view);
+        self.grazing_cells = 0;
+        self.band.begin(rows, self.list)?;
+        self.grazing.begin(rows, self.list)
+    }
+
+    fn items_of_row(&self, pose: &Pose) -> u64 {
+        self.simulation.cells_of_row(pose)
+    }
+
+    fn add(&mut self, pose: &Pose, rows: &LitRows, _: Report<'_>) -> Result<Tally> {
+        if pose.shadows.is_empty() {
+            // The band began with its light.
+            return Ok(Tally::default());
+        }
+        let begin = Instant::now();
+        let direct = rows.direct(&self.simulation.lattice);
+        let lit = rows.rows.start.max(direct.start)..rows.rows.end.min(direct.end);
+        let tally = self.add_rows(pose, &lit)?;
+        self.seconds += begin.elapsed().as_secs_f64();
+        Ok(tally)
+    }
+
+    fn intensities(&self) -> Result<Array3<f32>> {
+        let light = self.band.intensities()?;
+        Ok(if self.grazing_cells > 0 { light + self.grazing.intensities()? } else { light })
+    }
+
+    fn tally(&self) -> Tally {
+        self.tracer.tally()
+    }
+
+    fn seconds(&self) -> Seconds {
+        let illuminate = self.grazing.illumination;
+        Seconds { trace: self.seconds - illuminate, illuminate, ..Seconds::default() }
+    }
+
+    /// From a few rows of views.
+    fn estimate(&mut self) -> Result<RunEstimate> {
+        let simulation = self.simulation;
+        let views = simulation.pose_count();
+        let (mut rays, mut seconds) = (0.0, 0.0);
+        for look in 0..LOOKS {
+            let turn = (f64::from(look) * GOLDEN + 0.5).fract();
+            let index = numbers::whole::<u32>(turn * views);
+            let shadows = simulation.projected_bounds(index);
+            let all = simulation.shadow_rows(&shadows);
+            let first = all.start + numbers::whole::<i64>(turn * (all.end - all.start) as f64);
+            let rows = first..(first + TIMED_ROWS).min(all.end);
+            if rows.is_empty() {
+                continue;
+            }
+            let view = Exposure::Sample(simulation.view_of(index));
+            self.begin(&simulation.band_of(rows.start), Exposure::Flat(0))?;
+            let before = self.tracer.rays_traced();
+            let begin = Instant::now();
+            self.add_rows(&Pose { view, index, shadows }, &rows)?;
+            let scale = (all.end - all.start) as f64 / (rows.end - rows.start) as f64;
+            rays += scale * (self.tracer.rays_traced() - before) as f64 / f64::from(LOOKS);
+            seconds += scale * begin.elapsed().as_secs_f64() / f64::from(LOOKS);
+        }
+        Ok(RunEstimate {
+            rays_per_view: rays,
+            rays: rays * views,
+            seconds: seconds * views,
+            ..RunEstimate::default()
+        })
+    }
+}
