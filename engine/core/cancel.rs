@@ -24,28 +24,19 @@ pub const TICK: Duration = Duration::from_millis(50);
 /// ```
 #[derive(Debug, Clone, Default)]
 pub struct Cancel {
-    own: Arc<AtomicBool>,
-    /// Flag of the work that this work is a part of.
-    whole: Option<Arc<AtomicBool>>,
+    flag: Arc<AtomicBool>,
 }
 
 impl Cancel {
     /// Asks the work to end. It cannot be taken back.
     pub fn cancel(&self) {
-        self.own.store(true, Ordering::Relaxed);
+        self.flag.store(true, Ordering::Relaxed);
     }
 
     /// True if the work shall end.
     #[must_use]
     pub fn is_cancelled(&self) -> bool {
-        let is_set = |flag: &Arc<AtomicBool>| flag.load(Ordering::Relaxed);
-        is_set(&self.own) || self.whole.as_ref().is_some_and(is_set)
-    }
-
-    /// A flag for a part of the work: set with this one, or alone. The work itself must not be a part.
-    #[doc(hidden)]
-    pub fn of_part(&self) -> Self {
-        Self { own: Arc::default(), whole: Some(self.own.clone()) }
+        self.flag.load(Ordering::Relaxed)
     }
 
     /// # Errors
@@ -160,16 +151,6 @@ mod tests {
         assert_eq!(looks, 3);
         assert!(matches!(cancel.leaving(&mut || {}, || 1), Err(Error::Interrupted)));
         assert_eq!(Cancel::default().leaving(&mut || {}, || 42).unwrap(), 42);
-    }
-
-    #[test]
-    fn a_part_ends_with_the_whole_or_alone() {
-        let whole = Cancel::default();
-        let [one, other] = [whole.of_part(), whole.of_part()];
-        one.cancel();
-        assert!(one.is_cancelled() && !other.is_cancelled() && !whole.is_cancelled());
-        whole.cancel();
-        assert!(other.is_cancelled());
     }
 
     #[test]

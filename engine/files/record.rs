@@ -165,7 +165,7 @@ pub struct RunProfile {
     pub before_views: Traffic,
     /// The part up to the end of the first view.
     pub first_view: Traffic,
-    /// The part of all later views; where views are made side by side, the first of them begin earlier.
+    /// The part of all later views.
     pub later_views: Traffic,
     /// Number of views that this process made.
     pub views: usize,

@@ -29,7 +29,6 @@ mod one_patch;
 #[cfg(all(feature = "cli", unix))]
 mod parts;
 mod safety;
-mod side_by_side;
 mod stack;
 mod stack_read;
 mod tiff_pages;
@@ -37,3 +36,4 @@ mod tiff_pages;
 mod tiff_stacks;
 #[cfg(feature = "cli")]
 mod tiny_runs;
+mod views;

@@ -24,13 +24,11 @@ use serde::Serialize;
 pub struct MemoryEstimate {
     /// Rows of a band.
     pub band_rows: u32,
-    /// Rays traced together, about, of each view in work.
+    /// Rays traced together, about.
     pub rays_at_once: u64,
-    /// Views that are made side by side.
-    pub views_at_once: u32,
-    /// For one row of pixels of all views in work with all its steps, host and device together.
+    /// For one row of pixels with all its steps, host and device together.
     pub row_bytes: u64,
-    /// For a band of all views in work, host and device together.
+    /// For a band, host and device together.
     pub band_bytes: u64,
     /// On the host, at its peak; the program itself included.
     pub host_bytes: u64,
@@ -56,20 +54,7 @@ pub fn estimate(
     limit: Option<u64>,
     band_rows: Option<u32>,
 ) -> Result<MemoryEstimate> {
-    Needs::of(scene, objects)?.estimate(scene, limit, band_rows)
-}
-
-/// As [`estimate`], with one view at a time.
-///
-/// # Errors
-/// As [`estimate`].
-pub(crate) fn estimate_alone(
-    scene: &Scene,
-    objects: &[ObjectSummary],
-    limit: Option<u64>,
-    band_rows: Option<u32>,
-) -> Result<MemoryEstimate> {
-    Needs::of(scene, objects)?.in_lanes(scene, limit, band_rows)
+    Needs::of(scene, objects)?.within(scene, limit, band_rows)
 }
 
 /// As [`estimate`]; `cells_at_once`: cells of lines that are in memory together.
@@ -83,8 +68,7 @@ pub fn estimate_sampled(
     cells_at_once: f64,
 ) -> Result<MemoryEstimate> {
     let mut needs = Needs::of(scene, objects)?;
-    let first = needs.estimate(scene, limit, None)?;
-    needs.lanes = first.views_at_once.into();
+    let first = needs.within(scene, limit, None)?;
     if needs.cells {
         needs.crowded = numbers::whole::<u64>(cells_at_once);
     }

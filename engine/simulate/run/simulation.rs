@@ -8,7 +8,6 @@ mod light;
 mod prepare;
 mod rays;
 mod seconds;
-mod side_by_side;
 mod work;
 
 use crate::detector::{self, DetectorModel};
@@ -31,7 +30,6 @@ use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::{Exposure, Scene};
 use light::{LightKind, Pose};
 pub use rays::{moments, trace};
-use side_by_side::{Handed, side_by_side};
 use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
@@ -59,8 +57,6 @@ pub struct Simulation {
     /// Error that sampling may leave in them.
     budget: ErrorBudget,
     memory: MemoryEstimate,
-    /// The same with one view at a time.
-    alone: MemoryEstimate,
     start: RunStart,
     prepared_in: f64,
 }
@@ -93,24 +89,27 @@ impl Simulation {
     }
 
     /// A tracer whose batches adapt.
-    fn tracer(&self, memory: &MemoryEstimate) -> Result<Tracer> {
-        self.tracer_with(memory, None)
+    fn tracer(&self) -> Result<Tracer> {
+        self.tracer_with(None)
     }
 
     /// A tracer of rays that are made and stay on the device, where their batches do not adapt: a GPU takes all, but
     /// for small ones, whose drivers end long dispatches.
-    fn tracer_of_batches(&self, memory: &MemoryEstimate) -> Result<Tracer> {
+    fn tracer_of_batches(&self) -> Result<Tracer> {
         let whole = self.device().description().kind == DeviceKind::Discrete;
-        let most = numbers::at_most(numbers::length(memory.rays_at_once));
-        self.tracer_with(memory, whole.then_some(most))
+        self.tracer_with(whole.then_some(self.most_rays()))
     }
 
-    fn tracer_with(&self, memory: &MemoryEstimate, batch: Option<u32>) -> Result<Tracer> {
+    fn tracer_with(&self, batch: Option<u32>) -> Result<Tracer> {
         let kernels = self.simulator.trace_kernels();
         let (backend, transport) = (self.start.backend, self.scene.sampling.transport);
-        let batch = self.options().batch_rays.or(batch);
-        let most = numbers::at_most(numbers::length(memory.rays_at_once));
+        let (batch, most) = (self.options().batch_rays.or(batch), self.most_rays());
         Tracer::new(self.device(), kernels, &self.on_device, backend, transport, batch, most)
+    }
+
+    /// Most rays that are traced together.
+    fn most_rays(&self) -> u32 {
+        numbers::at_most(numbers::length(self.memory.rays_at_once))
     }
 
     /// View of a pose of the sample.
@@ -130,8 +129,8 @@ impl Simulation {
     }
 
     /// Room that lines may take.
-    fn room(&self, memory: &MemoryEstimate) -> sampling::Room {
-        let limit = self.options().memory_limit.zip(memory.left_for_lines);
+    fn room(&self) -> sampling::Room {
+        let limit = self.options().memory_limit.zip(self.memory.left_for_lines);
         sampling::Room {
             limit: limit.map(<[u64; 2]>::from),
             words: self.light.spectrum().map_or(0, |spectrum| spectrum.recording.words()),
@@ -205,35 +204,6 @@ impl Simulation {
         Tally { defective_objects: self.defective_objects(), ..*tally }.refuse_unbalanced()
     }
 
-    /// Number of views that are made side by side.
-    fn lanes(&self, views: usize) -> usize {
-        views.min(numbers::length(self.memory.views_at_once.into())).max(1)
-    }
-
-    /// Makes the views that are not made yet one after another, and hands them to the sink.
-    fn one_by_one(
-        &self,
-        mut work: ViewWork<'_>,
-        views: &[Exposure],
-        sink: &mut dyn Sink,
-        control: &mut Control<'_>,
-        made: &mut Handed,
-    ) -> Result<()> {
-        work.begin_after(&views[..made.views]);
-        let mut before = Tally::default();
-        for view in &views[made.views..] {
-            work.view(*view, sink, control)?;
-            let tally = work.tally();
-            let own = tally.since(before);
-            before = tally;
-            sink.tally(*view, &own)?;
-            sink.commit(*view)?;
-            made.add(own);
-        }
-        made.seconds += work.seconds();
-        Ok(())
-    }
-
     /// Runs every view that `control` does not skip and hands it to the sink.
     ///
     /// # Errors
@@ -266,35 +236,27 @@ impl Simulation {
         warnings.iter().for_each(|text| log::warn!("{text}"));
         let mut views = stack::views_of_part(&self.scene, control.views)?;
         views.retain(|view| !control.skip.contains(view));
-        let cancel = control.cancel.of_part();
-        let lanes = self.lanes(views.len());
-        let memory = if lanes > 1 { self.memory } else { self.alone };
-        let lane = |_| ViewWork::new(self, &views, &cancel, &memory);
-        let mut work = (0..lanes).map(lane).collect::<Result<Vec<_>>>()?;
+        let mut work = ViewWork::new(self, &views, &control.cancel)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
-        let device = Some(self.device().clone());
-        let mut made = Handed { tally: control.counted, device, ..Handed::default() };
         let prepared = self.device().traffic();
-        let one = match lanes {
-            1 => work.pop(),
-            _ => {
-                side_by_side(work, &views, &cancel, sink, &mut control, &mut made)?;
-                None
+        let (mut first, mut before, mut counted) = (prepared, Tally::default(), control.counted);
+        for view in &views {
+            work.view(*view, sink, &mut control)?;
+            let tally = work.tally();
+            let own = tally.since(before);
+            sink.tally(*view, &own)?;
+            sink.commit(*view)?;
+            (before, counted) = (tally, counted + own);
+            if *view == views[0] {
+                first = self.device().traffic();
             }
-        };
-        if made.views < views.len() {
-            let one = match one {
-                Some(one) => one,
-                None => ViewWork::new(self, &views, &control.cancel, &self.alone)?,
-            };
-            self.one_by_one(one, &views, sink, &mut control, &mut made)?;
         }
-        let Handed { tally: counted, seconds, first, views: handed, .. } = made;
         let profile = self
             .options()
             .profile
-            .then(|| RunProfile::of(prepared, first, self.device().profile(), handed));
+            .then(|| RunProfile::of(prepared, first, self.device().profile(), views.len()));
+        let seconds = work.seconds();
         let tally = Tally { defective_objects: self.defective_objects(), ..counted };
         let mut record = RunRecord {
             tally,

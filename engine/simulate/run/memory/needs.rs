@@ -56,13 +56,6 @@ pub(super) const FRAME_COPIES: u64 = 2;
 const BAND: u64 = 1 << 30;
 /// Rays of a group of rows, about, with room enough; and least.
 const RAYS: [u64; 2] = [1 << 20, 1 << 12];
-/// Views that are made side by side where each fits into one band.
-const LANES: u64 = 2;
-/// Least number of rays of a group for which a limit allows them: smaller groups keep a device less busy.
-const LANE_RAYS: u64 = 1 << 15;
-/// Least memory that a limit leaves for the lines of each of these views, bytes.
-const LANE_PATCH: u64 = 64 << 20;
-
 /// Triangles of objects that cut others or are cut.
 fn cut_triangles(objects: &[ObjectSummary]) -> u64 {
     let cutters = objects.iter().flat_map(|it| &it.cut_by).copied().collect::<BTreeSet<u32>>();
@@ -96,15 +89,11 @@ pub(super) struct Needs {
     cut: u64,
     largest_mesh: u64,
     views: u64,
-    /// Views that are made side by side.
-    pub(super) lanes: u64,
     rows: u32,
     steps: u64,
     /// Per row of pixels with all steps: sums on the device; light, blurred light and counts on
     /// the host.
     row: HostAndDevice,
-    /// Bytes per row of pixels of a finished view that waits to be written.
-    held: u64,
     /// Rows beside a band whose light it needs.
     beside: u64,
     frame: u64,
@@ -169,14 +158,9 @@ impl Needs {
             cut: cut_triangles(objects),
             largest_mesh: scene.objects.iter().zip(objects).map(of_mesh).max().unwrap_or(0),
             views: extent.views.into(),
-            lanes: 1,
             rows: extent.rows,
             steps,
             row,
-            held: 4
-                * steps
-                * u64::from(extent.columns)
-                * (1 + u64::from(detector.counts.is_some())),
             beside: 2 * u64::from(grid.margin[1] + grid.scatter_rows),
             frame: extent.frame_bytes(),
             beamlets,
@@ -190,36 +174,14 @@ impl Needs {
         })
     }
 
-    /// The estimate with views side by side where each fits into one band, else with one at a time.
-    pub(super) fn estimate(
+    /// The estimate with the largest bands and groups of rays that a limit allows.
+    pub(super) fn within(
         &self,
         scene: &Scene,
         limit: Option<u64>,
         band_rows: Option<u32>,
     ) -> Result<MemoryEstimate> {
-        if self.cells && self.rays > 0 && self.views > 1 {
-            let host = self.row.host + self.held;
-            let row = HostAndDevice { host, ..self.row };
-            let several = Self { lanes: LANES, row, ..*self };
-            let least = several.rays_together(LANE_RAYS);
-            if let Ok(found) = several.in_lanes(scene, limit, band_rows)
-                && found.band_rows == self.rows
-                && several.rays_together(found.rays_at_once) >= least
-                && found.left_for_lines.is_none_or(|left| left >= LANE_PATCH)
-            {
-                return Ok(found);
-            }
-        }
-        self.in_lanes(scene, limit, band_rows)
-    }
-
-    pub(super) fn in_lanes(
-        &self,
-        scene: &Scene,
-        limit: Option<u64>,
-        band_rows: Option<u32>,
-    ) -> Result<MemoryEstimate> {
-        let mut rays = RAYS[0] / self.lanes;
+        let mut rays = RAYS[0];
         let all = self.rows;
         if let Some(rows) = band_rows {
             let rows = rows.clamp(1, all);
@@ -252,7 +214,7 @@ impl Needs {
 
     /// Sums on the device, intensities on the host.
     const fn row_bytes(&self) -> u64 {
-        self.lanes * self.row.sum()
+        self.row.sum()
     }
 
     pub(super) fn at(&self, band_rows: u32, rays_at_once: u64) -> MemoryEstimate {
@@ -285,7 +247,6 @@ impl Needs {
         MemoryEstimate {
             band_rows,
             rays_at_once,
-            views_at_once: u32::try_from(self.lanes).unwrap_or(1),
             row_bytes: self.row_bytes(),
             band_bytes: self.row_bytes().saturating_mul(u64::from(band_rows) + self.beside),
             host_bytes: peak(|b| b.host),
@@ -299,7 +260,7 @@ impl Needs {
     fn left(&self, limit: u64, band_rows: u32, rays_at_once: u64) -> u64 {
         let rays = self.rays_together(rays_at_once);
         let others = self.run(band_rows, rays_at_once).sum() - self.sampling(rays);
-        limit.saturating_sub(others).saturating_sub(self.lanes * BASE * rays) / self.lanes
+        limit.saturating_sub(others).saturating_sub(BASE * rays)
     }
 
     /// Rays of a group of rows.
@@ -307,9 +268,9 @@ impl Needs {
         rays_at_once.max(self.row_rays).min(self.rays)
     }
 
-    /// Bytes of the lines of `rays` rays of each view in work.
+    /// Bytes of the lines of `rays` rays.
     const fn sampling(&self, rays: u64) -> u64 {
-        if self.cells { self.lanes * self.ray_host * rays } else { 0 }
+        if self.cells { self.ray_host * rays } else { 0 }
     }
 
     /// Placed surfaces.
@@ -323,21 +284,22 @@ impl Needs {
     /// While views are traced and illuminated in bands of `rows` rows.
     fn run(&self, band_rows: u32, rays_at_once: u64) -> HostAndDevice {
         let rays = self.rays_together(rays_at_once);
-        let band = self.lanes * (u64::from(band_rows) + self.beside);
+        let band = u64::from(band_rows) + self.beside;
         let [wave_host, wave_device] = if self.wave { [WAVE_HOST, WAVE_DEVICE] } else { [0; 2] };
         let host = self.program
-            + self.lanes * wave_host
+            + wave_host
             + KEPT * self.triangles
             + self.instances().host
-            + self.lanes * BEAMLET * self.beamlets
+            + BEAMLET * self.beamlets
             + self.sampling(rays)
-            + self.lanes * OF_CELL * self.crowded.min(MOST_CELLS)
+            + OF_CELL * self.crowded.min(MOST_CELLS)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
-        let device = self.lanes * (LISTS + wave_device)
+        let device = LISTS
+            + wave_device
             + (TREE + STRUCTURE) * self.triangles
             + self.instances().device
-            + self.lanes * self.ray_device * rays
+            + self.ray_device * rays
             + 16 * self.views;
         HostAndDevice {
             host: host.saturating_add(band.saturating_mul(self.row.host)),

@@ -14,14 +14,14 @@ use std::ops::Range;
 /// # Errors
 /// As [`Simulation::run`].
 pub fn cells_of_rows(simulation: &Simulation, pose: u32, rows: Range<i64>) -> Result<CellBatch> {
-    let mut tracer = simulation.tracer(&simulation.alone)?;
+    let mut tracer = simulation.tracer()?;
     let shadows = simulation.projected_bounds(pose);
     let pose = Pose { view: Exposure::Sample(simulation.view_of(pose)), index: pose, shadows };
     let response = simulation.response(pose.view);
     let mut view = simulation.pose_context(&pose, &response);
     view.budget.audit = 0.0;
     let mut parts = Vec::new();
-    let room = simulation.room(&simulation.alone);
+    let room = simulation.room();
     let mut keep = |_: &mut Tracer, part: &CellBatch| {
         parts.push(part.clone());
         Ok(())

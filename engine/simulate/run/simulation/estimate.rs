@@ -25,12 +25,12 @@ impl Simulation {
     #[doc(hidden)]
     pub fn estimate_until(&self, cancel: &Cancel) -> Result<RunEstimate> {
         let begin = Instant::now();
-        let mut light = self.light(&self.alone, cancel)?;
+        let mut light = self.light(cancel)?;
         let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
         let estimate = light.estimate()?;
         let (scan, steps) = (&self.scene.scan, self.scene.mask_steps());
         let exposures = (scan.poses() + scan.flat_places().len()) as f64;
-        let detection = detection_seconds(&self.detector, steps, self.alone.band_rows, cancel)?;
+        let detection = detection_seconds(&self.detector, steps, self.memory.band_rows, cancel)?;
         let seconds = estimate.seconds + fixed + exposures * detection;
         Ok(RunEstimate { seconds, ..estimate })
     }

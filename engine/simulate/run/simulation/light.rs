@@ -16,7 +16,7 @@ mod waves;
 use super::Simulation;
 use super::seconds::Seconds;
 use crate::illuminate::EnergyBinning;
-use crate::run::{MemoryEstimate, RunEstimate};
+use crate::run::RunEstimate;
 use crate::sampling::{Lattice, MomentRecording, ProjectedBounds};
 use crate::wave::WavePlans;
 use beamlet_core::cancel::Cancel;
@@ -125,16 +125,12 @@ impl Simulation {
     ///
     /// # Errors
     /// Of the device or memory, or where a kernel is not made.
-    pub(super) fn light(
-        &self,
-        memory: &MemoryEstimate,
-        cancel: &Cancel,
-    ) -> Result<Box<dyn Light + Send + '_>> {
+    pub(super) fn light(&self, cancel: &Cancel) -> Result<Box<dyn Light + '_>> {
         Ok(match &self.light {
             LightKind::Cells(_) if self.sample.is_empty() => Box::new(Blank::new(self, cancel)?),
-            LightKind::Cells(_) => Box::new(Lines::new(self, memory, cancel)?),
-            LightKind::Random => Box::new(Random::new(self, memory, cancel)?),
-            LightKind::Waves(plans) => Box::new(Waves::new(self, plans, memory, cancel)?),
+            LightKind::Cells(_) => Box::new(Lines::new(self, cancel)?),
+            LightKind::Random => Box::new(Random::new(self, cancel)?),
+            LightKind::Waves(plans) => Box::new(Waves::new(self, plans, cancel)?),
         })
     }
 

@@ -6,7 +6,7 @@ use crate::accel::Bvh;
 use crate::detector::DetectorModel;
 use crate::illuminate::{self, EnergyBinning};
 use crate::run::simulator::Simulator;
-use crate::run::{self, Control, MemoryEstimate, memory, quality};
+use crate::run::{self, Control, memory, quality};
 use crate::sampling::{self, ErrorBudget, Hardening, Lattice, Response};
 use crate::trace::DeviceSample;
 use crate::wave::{self, WavePlans};
@@ -15,7 +15,7 @@ use beamlet_core::parallel::start_threads;
 use beamlet_files::RunStart;
 use beamlet_geometry as geometry;
 use beamlet_geometry::{LoadStep, Sample};
-use beamlet_gpu::{Backend, EngineOptions};
+use beamlet_gpu::Backend;
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{self, Optics};
 use beamlet_model::scene::{Scene, Scheme, Transport};
@@ -88,7 +88,8 @@ impl Simulation {
             Some(sample) => sample,
             None => load(&scene, options.memory_limit, control)?,
         };
-        let [alone, memory] = memory_of(&scene, &sample, options)?;
+        let memory =
+            memory::estimate(&scene, &sample.objects, options.memory_limit, options.band_rows)?;
         memory::ask_for_run(&scene, &memory)?;
         log_spot(&scene);
         scene.middle_line_warning().iter().for_each(|text| log::warn!("{text}"));
@@ -147,7 +148,6 @@ impl Simulation {
             leaks,
             budget,
             memory,
-            alone,
             prepared_in: 0.0,
         };
         control.cancel.check()?;
@@ -155,18 +155,6 @@ impl Simulation {
         simulation.prepared_in = begin.elapsed().as_secs_f64();
         Ok(simulation)
     }
-}
-
-/// Memory of a run with one view at a time, and of a run whose views may be made side by side.
-fn memory_of(
-    scene: &Scene,
-    sample: &Sample,
-    options: &EngineOptions,
-) -> Result<[MemoryEstimate; 2]> {
-    let (limit, band_rows) = (options.memory_limit, options.band_rows);
-    let alone = memory::estimate_alone(scene, &sample.objects, limit, band_rows)?;
-    let memory = memory::estimate(scene, &sample.objects, limit, band_rows)?;
-    Ok([alone, memory])
 }
 
 /// The sample.

@@ -13,7 +13,7 @@ use beamlet_model::media::MaterialTable;
 /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a pose that is not there.
 pub fn trace(simulation: &Simulation, rays: &[interface::Ray]) -> Result<Vec<RayResult>> {
     simulation.check_poses(rays.iter().map(|ray| ray.pose))?;
-    simulation.tracer(&simulation.alone)?.trace(rays)
+    simulation.tracer()?.trace(rays)
 }
 
 /// Traces rays and returns their results and first-order moments.
@@ -25,7 +25,7 @@ pub fn moments(
     rays: &[interface::Ray],
 ) -> Result<(Vec<RayResult>, Moments)> {
     simulation.check_poses(rays.iter().map(|ray| ray.pose))?;
-    let mut tracer = simulation.tracer(&simulation.alone)?;
+    let mut tracer = simulation.tracer()?;
     let (results, words) = tracer.trace_with_moments(rays)?;
     Ok((results, Moments::new(words, simulation.on_device.materials, tracer.moment_words())))
 }
@@ -43,7 +43,7 @@ impl Simulation {
     /// [`Error::Device`], [`Error::Memory`].
     #[doc(hidden)]
     pub fn tracer_of_rays(&self, cancel: &Cancel) -> Result<Tracer> {
-        let mut tracer = self.tracer(&self.alone)?;
+        let mut tracer = self.tracer()?;
         tracer.set_cancel(cancel.clone());
         Ok(tracer)
     }

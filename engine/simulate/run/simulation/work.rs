@@ -7,7 +7,6 @@ use super::Simulation;
 use super::light::{Light, LitRows, Pose};
 use super::seconds::Seconds;
 use crate::detector::Clipped;
-use crate::run::memory::MemoryEstimate;
 use crate::run::{Control, Progress, ViewProgress};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
@@ -23,7 +22,7 @@ use std::time::Instant;
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
     simulation: &'s Simulation,
-    light: Box<dyn Light + Send + 's>,
+    light: Box<dyn Light + 's>,
     /// Counts besides those of the light.
     tally: Tally,
     /// Seconds besides those of the light.
@@ -32,8 +31,6 @@ pub(super) struct ViewWork<'s> {
     rows_total: u64,
     share: Share,
     cancel: Cancel,
-    /// Rays of rows that are lit together.
-    rays_at_once: u64,
 }
 
 impl<'s> ViewWork<'s> {
@@ -41,7 +38,6 @@ impl<'s> ViewWork<'s> {
         simulation: &'s Simulation,
         views: &[Exposure],
         cancel: &Cancel,
-        memory: &MemoryEstimate,
     ) -> Result<Self> {
         let grid = simulation.detector.grid();
         let lit_views = views.iter().filter(|view| !view.is_dark()).count();
@@ -50,14 +46,13 @@ impl<'s> ViewWork<'s> {
         let rows: usize = simulation.bands().map(|rows| grid.own_rows(&rows).len()).sum();
         Ok(Self {
             simulation,
-            light: simulation.light(memory, cancel)?,
+            light: simulation.light(cancel)?,
             tally: Tally::default(),
             seconds: Seconds::default(),
             rows_done: 0,
             rows_total: (poses * rows) as u64,
             share: Share::new([blank, lit_views - blank], !simulation.sample.is_empty()),
             cancel: cancel.clone(),
-            rays_at_once: memory.rays_at_once,
         })
     }
 
@@ -181,7 +176,8 @@ impl<'s> ViewWork<'s> {
     ) -> Result<()> {
         let [band, own] = [band, own].map(|rows| i64::from(rows.start)..i64::from(rows.end));
         let halo = self.simulation.lattice.halo;
-        let group = (self.rays_at_once / self.light.items_of_row(pose).max(1)).max(1);
+        let group =
+            (self.simulation.memory.rays_at_once / self.light.items_of_row(pose).max(1)).max(1);
         let group = i64::try_from(group).unwrap_or(i64::MAX / 2);
         let mut row = band.start - halo;
         while row < band.end + halo {
@@ -225,23 +221,6 @@ impl<'s> ViewWork<'s> {
             }));
         }
         Ok(())
-    }
-
-    /// Counts views that others have made as done.
-    pub(super) fn begin_after(&mut self, views: &[Exposure]) {
-        let grid = self.simulation.detector.grid();
-        let rows = grid.own_rows(&(0..grid.pixels[1])).len() as u64;
-        for view in views.iter().filter(|view| !view.is_dark()) {
-            let is_sample = matches!(view, Exposure::Sample(_));
-            let poses = if is_sample { self.simulation.scene.scan.poses_of_view() } else { 1 };
-            self.rows_done += poses as u64 * rows;
-            self.share.skip(is_sample);
-        }
-    }
-
-    /// Pixel rows of all views.
-    pub(super) const fn rows_total(&self) -> u64 {
-        self.rows_total
     }
 
     /// Seconds by stage so far.

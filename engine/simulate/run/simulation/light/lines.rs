@@ -2,9 +2,9 @@
 
 use super::cells::CellLight;
 use super::{Light, LitRows, Pose, Report};
+use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::run::simulation::seconds::Seconds;
-use crate::run::{MemoryEstimate, RunEstimate};
 use crate::sampling::{self, CellBatch, Response, Room};
 use crate::trace::Tracer;
 use beamlet_core::Result;
@@ -32,12 +32,8 @@ pub(super) struct Lines<'s> {
 }
 
 impl<'s> Lines<'s> {
-    pub(super) fn new(
-        simulation: &'s Simulation,
-        memory: &MemoryEstimate,
-        cancel: &Cancel,
-    ) -> Result<Self> {
-        let mut tracer = simulation.tracer(memory)?;
+    pub(super) fn new(simulation: &'s Simulation, cancel: &Cancel) -> Result<Self> {
+        let mut tracer = simulation.tracer()?;
         tracer.set_cancel(cancel.clone());
         let [walk, exact] = tracer.wanted_kernels();
         LazyKernel::make_all(&[CellLight::kernel(simulation), walk, exact], cancel)?;
@@ -45,7 +41,7 @@ impl<'s> Lines<'s> {
             simulation,
             tracer,
             cells: CellLight::new(simulation, cancel)?,
-            room: simulation.room(memory),
+            room: simulation.room(),
             list: 0,
             response: simulation.response.clone(),
             seconds: 0.0,

@@ -4,9 +4,9 @@ use super::{Light, LitRows, Pose, Report};
 use crate::illuminate::{
     ApertureEdges, IlluminationBuffer, PixelSums, RandomBatch, RandomIlluminator, SpectralBand,
 };
+use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::run::simulation::seconds::Seconds;
-use crate::run::{MemoryEstimate, RunEstimate};
 use crate::sampling::touches_pixel;
 use crate::trace::Tracer;
 use beamlet_core::cancel::Cancel;
@@ -39,15 +39,11 @@ pub(super) struct Random<'s> {
 }
 
 impl<'s> Random<'s> {
-    pub(super) fn new(
-        simulation: &'s Simulation,
-        memory: &MemoryEstimate,
-        cancel: &Cancel,
-    ) -> Result<Self> {
+    pub(super) fn new(simulation: &'s Simulation, cancel: &Cancel) -> Result<Self> {
         let (device, optics) = (simulation.device(), simulation.detector.optics());
         let (lattice, scene) = (&simulation.lattice, &simulation.scene);
         let kernels = simulation.simulator.random_kernels();
-        let mut tracer = simulation.tracer_of_batches(memory)?;
+        let mut tracer = simulation.tracer_of_batches()?;
         tracer.set_cancel(cancel.clone());
         let [rays, light] = kernels.all(ApertureEdges::of(optics));
         let walks = tracer.wanted_kernels();

@@ -2,9 +2,9 @@
 
 use super::cells::CellLight;
 use super::{Light, LitRows, Pose, Report};
+use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::run::simulation::seconds::Seconds;
-use crate::run::{MemoryEstimate, RunEstimate};
 use crate::trace::Tracer;
 use crate::wave::{CellPlaces, WaveBand, WavePlans, WaveView};
 use beamlet_core::cancel::Cancel;
@@ -41,11 +41,10 @@ impl<'s> Waves<'s> {
     pub(super) fn new(
         simulation: &'s Simulation,
         plans: &'s WavePlans,
-        memory: &MemoryEstimate,
         cancel: &Cancel,
     ) -> Result<Self> {
         let kernels = simulation.simulator.wave_kernels();
-        let mut tracer = simulation.tracer(memory)?;
+        let mut tracer = simulation.tracer()?;
         tracer.set_cancel(cancel.clone());
         let [field, line] = kernels.all();
         let [walk, exact] = tracer.wanted_kernels();

@@ -80,11 +80,6 @@ impl Share {
         self.rows_all = bands.iter().map(|band| self.rows.sum(band)).sum();
     }
 
-    /// A view is done that was not begun here.
-    pub(super) fn skip(&mut self, sample: bool) {
-        self.done += if sample { 1.0 } else { self.blank };
-    }
-
     fn end_view(&mut self) {
         self.done += self.view;
         (self.view, self.rows_done) = (0.0, 0.0);
