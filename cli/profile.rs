@@ -24,17 +24,18 @@ fn traffic_rows(all: &Profile, run: Option<&RunProfile>) -> Vec<(String, Traffic
 /// groups first.
 fn table(all: &Profile, run: Option<&RunProfile>) -> String {
     let mut text = format!(
-        "{:<24}{:>12}{:>10}{:>14}{:>14}{:>10}\n",
-        "device", "submissions", "waits", "MB to it", "MB from it", "buffers"
+        "{:<24}{:>12}{:>10}{:>14}{:>14}{:>10}{:>14}\n",
+        "device", "submissions", "waits", "MB to it", "MB from it", "buffers", "MB of them"
     );
     for (name, traffic) in traffic_rows(all, run) {
         text += &format!(
-            "{name:<24}{:>12}{:>10}{:>14.3}{:>14.3}{:>10}\n",
+            "{name:<24}{:>12}{:>10}{:>14.3}{:>14.3}{:>10}{:>14.3}\n",
             traffic.submissions,
             traffic.waits,
             traffic.bytes_to_device as f64 * 1e-6,
             traffic.bytes_to_host as f64 * 1e-6,
-            traffic.buffers
+            traffic.buffers,
+            traffic.buffer_bytes as f64 * 1e-6
         );
     }
     text += &format!(

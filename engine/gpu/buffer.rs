@@ -107,7 +107,11 @@ impl Buffer {
         // SAFETY: the allocation satisfies the requirements of this buffer and is bound once.
         let bound =
             unsafe { device.raw.bind_buffer_memory(raw, allocation.memory(), allocation.offset()) };
-        lock(&device.counters).traffic.buffers += 1;
+        {
+            let traffic = &mut lock(&device.counters).traffic;
+            traffic.buffers += 1;
+            traffic.buffer_bytes += bytes;
+        }
         let mut buffer = Self {
             device: device.clone(),
             raw,

@@ -58,6 +58,9 @@ pub struct Traffic {
     pub bytes_to_host: u64,
     /// Buffers made, those for transfers included.
     pub buffers: u64,
+    /// Bytes of these buffers.
+    #[serde(default)]
+    pub buffer_bytes: u64,
 }
 
 impl Traffic {
@@ -70,6 +73,7 @@ impl Traffic {
             bytes_to_device: self.bytes_to_device - earlier.bytes_to_device,
             bytes_to_host: self.bytes_to_host - earlier.bytes_to_host,
             buffers: self.buffers - earlier.buffers,
+            buffer_bytes: self.buffer_bytes - earlier.buffer_bytes,
         }
     }
 }

@@ -85,7 +85,7 @@ impl Reach {
     }
 }
 
-/// Largest number of cells of lists that share a submission; larger lists have their own.
+/// Cells that the buffers hold: lists that share a submission have no more. They grow for larger lists.
 const CELLS_TOGETHER: usize = 1 << 16;
 
 /// Parts of cell rows times steps of the first submission on a GPU, and the least and most of one. Where a detector blurs
@@ -109,6 +109,13 @@ pub(crate) struct CellIlluminator {
 }
 
 impl CellIlluminator {
+    /// Bytes of the buffers on the device.
+    pub(crate) const BYTES: u64 = (CELLS_TOGETHER
+        * (size_of::<Cell>().next_power_of_two()
+            + size_of::<CellRow>().next_power_of_two()
+            + size_of::<CellRowPart>().next_power_of_two()))
+        as u64;
+
     /// An illuminator, which `cancel` ends between two submissions.
     pub(crate) fn new(device: &Arc<Device>, kernels: &Arc<CellKernels>, cancel: &Cancel) -> Self {
         let is_cpu = device.description().kind == DeviceKind::Cpu;
@@ -162,9 +169,10 @@ impl CellIlluminator {
         let (cell_rows, cells): (usize, usize) =
             (count(|l| l.cell_rows.len()), count(|l| l.cells.len()));
         let device = self.device.clone();
-        let cell_buffer = fit::<Cell>(&device, self.cells.take(), "cells", cells)?;
-        let cell_row_buffer =
-            fit::<CellRow>(&device, self.cell_rows.take(), "cell rows", cell_rows)?;
+        let cell_buffer =
+            fit::<Cell>(&device, self.cells.take(), "cells", cells.max(CELLS_TOGETHER))?;
+        let most = cell_rows.max(CELLS_TOGETHER);
+        let cell_row_buffer = fit::<CellRow>(&device, self.cell_rows.take(), "cell rows", most)?;
         let mut uploads = Vec::new();
         let mut ordered = Vec::with_capacity(cell_rows);
         let mut parts = Vec::with_capacity(cell_rows);
@@ -191,8 +199,9 @@ impl CellIlluminator {
             }
             first_cell += list.cells.len();
         }
+        let most = parts.len().max(CELLS_TOGETHER);
         let part_buffer =
-            fit::<CellRowPart>(&device, self.parts.take(), "parts of cell rows", parts.len())?;
+            fit::<CellRowPart>(&device, self.parts.take(), "parts of cell rows", most)?;
         uploads.push(Upload::new(&cell_row_buffer, 0, &ordered));
         uploads.push(Upload::new(&part_buffer, 0, &parts));
         let template = IlluminatePush {

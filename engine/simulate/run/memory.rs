@@ -26,6 +26,9 @@ pub struct MemoryEstimate {
     pub band_rows: u32,
     /// Rays traced together, about.
     pub rays_at_once: u64,
+    /// Rays that the buffers of a tracer hold.
+    #[serde(skip)]
+    pub(crate) batch_rays: u32,
     /// For one row of pixels with all its steps, host and device together.
     pub row_bytes: u64,
     /// For a band, host and device together.

@@ -97,19 +97,14 @@ impl Simulation {
     /// for small ones, whose drivers end long dispatches.
     fn tracer_of_batches(&self) -> Result<Tracer> {
         let whole = self.device().description().kind == DeviceKind::Discrete;
-        self.tracer_with(whole.then_some(self.most_rays()))
+        self.tracer_with(whole.then_some(self.memory.batch_rays))
     }
 
     fn tracer_with(&self, batch: Option<u32>) -> Result<Tracer> {
         let kernels = self.simulator.trace_kernels();
         let (backend, transport) = (self.start.backend, self.scene.sampling.transport);
-        let (batch, most) = (self.options().batch_rays.or(batch), self.most_rays());
+        let (batch, most) = (self.options().batch_rays.or(batch), self.memory.batch_rays);
         Tracer::new(self.device(), kernels, &self.on_device, backend, transport, batch, most)
-    }
-
-    /// Most rays that are traced together.
-    fn most_rays(&self) -> u32 {
-        numbers::at_most(numbers::length(self.memory.rays_at_once))
     }
 
     /// View of a pose of the sample.

@@ -10,6 +10,7 @@ mod queues;
 
 use super::upload::DeviceSample;
 use batch::Batch;
+pub(crate) use batch::RAY_BYTES;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers, reserve};
@@ -28,13 +29,16 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 /// Rays of a batch to begin with; batches adapt so that no dispatch is long.
-const FIRST_BATCH: u32 = 1 << 16;
+pub(crate) const FIRST_BATCH: u32 = 1 << 16;
 /// As [`FIRST_BATCH`], where all rays are traced exactly, which takes longer.
 const FIRST_EXACT_BATCH: u32 = 1 << 13;
 /// Fewest rays of a batch that adapts.
 const SMALLEST_BATCH: u32 = 1024;
 /// Most rays of a batch.
-const LARGEST_BATCH: u32 = 1 << 19;
+pub(crate) const LARGEST_BATCH: u32 = 1 << 19;
+/// Bytes of lists of crossings.
+pub(crate) const LISTS_BYTES: u64 = LISTED as u64 * size_of::<Crossing>() as u64;
+
 /// Traces rays through a sample on the device.
 #[derive(Debug)]
 pub struct Tracer {
@@ -47,11 +51,11 @@ pub struct Tracer {
     transport: Transport,
     node: Option<usize>,
     batch: Batch,
+    /// Rays of a batch, at most those that its buffers hold: dispatches are neither short nor long.
+    pace: Pace,
     tally: Buffer,
     /// Crossings of the rays that are traced exactly.
     lists: Buffer,
-    fixed_batch: Option<u32>,
-    most: u32,
     counts: DeviceCounts,
     /// Counts of rays that give no light.
     left_out: Tally,
@@ -104,7 +108,11 @@ impl Tracer {
             Transport::Exact => FIRST_EXACT_BATCH,
             Transport::Auto | Transport::FirstOrder | Transport::Wave => FIRST_BATCH,
         };
-        let capacity = fixed_batch.unwrap_or(first.min(most)).clamp(1, LARGEST_BATCH);
+        let pace = match fixed_batch.map(|rays| rays.clamp(1, LARGEST_BATCH)) {
+            Some(rays) => Pace::new(rays, rays, rays),
+            None => Pace::new(first.min(most), SMALLEST_BATCH, most),
+        };
+        let capacity = fixed_batch.map_or(most, |_| pace.size());
         Ok(Self {
             device: device.clone(),
             kernels: kernels.clone(),
@@ -113,15 +121,10 @@ impl Tracer {
             backend,
             transport,
             node: None,
+            pace,
             batch: Batch::new(device, capacity, MOMENTS_HEAD + sample.moment_words())?,
             tally: device.upload("tally", &[0_u32; TALLY_COUNTERS])?,
-            lists: device.buffer(
-                "crossings of exact rays",
-                u64::from(LISTED) * size_of::<Crossing>() as u64,
-                Memory::Device,
-            )?,
-            fixed_batch,
-            most,
+            lists: device.buffer("crossings of exact rays", LISTS_BYTES, Memory::Device)?,
             counts: DeviceCounts::default(),
             left_out: Tally::default(),
             cancel: Cancel::default(),
@@ -173,7 +176,7 @@ impl Tracer {
     /// Most rays that one batch on the device takes now.
     #[must_use]
     pub const fn capacity(&self) -> u32 {
-        self.batch.capacity
+        self.pace.size()
     }
 
     /// Rays of the batch on the device, for kernels that make them there.
@@ -239,7 +242,7 @@ impl Tracer {
         let mut first = 0;
         while first < rays.len() {
             self.cancel.check()?;
-            let n = (rays.len() - first).min(self.batch.capacity as usize);
+            let n = (rays.len() - first).min(self.pace.size() as usize);
             let results = match wanted {
                 Wanted::Moments => &mut [],
                 Wanted::RayResults | Wanted::Both => &mut results[first..first + n],
@@ -254,23 +257,16 @@ impl Tracer {
             let (time, _) = self.run_job(&job, (&uploads, &|_| ()), (results, moments))?;
             self.counts.rays.fetch_add(count.into(), Ordering::Relaxed);
             first += n;
-            self.adapt(n, time)?;
+            self.adapt(n, time);
         }
         Ok(())
     }
 
-    /// Grows or shrinks batches towards dispatches that are neither short nor long.
-    fn adapt(&mut self, n: usize, time: Duration) -> Result<()> {
-        let capacity = self.batch.capacity;
-        if self.fixed_batch.is_some() || n < capacity as usize {
-            return Ok(());
+    /// Grows or shrinks batches by the time of a full one.
+    fn adapt(&mut self, n: usize, time: Duration) {
+        if n >= self.pace.size() as usize {
+            self.pace.adapt(time);
         }
-        let mut pace = Pace::new(capacity, SMALLEST_BATCH.min(capacity), self.most);
-        pace.adapt(time);
-        if pace.size() != capacity {
-            self.batch = Batch::new(&self.device, pace.size(), MOMENTS_HEAD + self.moment_words())?;
-        }
-        Ok(())
     }
 
     /// Traces the first `n` rays of the batch where they are, after uploads, in the submission that `begin`

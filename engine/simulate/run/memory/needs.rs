@@ -5,9 +5,12 @@ use super::building::building;
 use super::program::program;
 use super::rays::{beamlets, cell_rays};
 use crate::detector::SubpixelGrid;
-use beamlet_core::{Error, Result};
+use crate::illuminate::CellIlluminator;
+use crate::trace::{FIRST_BATCH, LARGEST_BATCH, LISTS_BYTES, RAY_BYTES};
+use beamlet_core::{Error, Result, numbers};
 use beamlet_files::StackShape;
 use beamlet_geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
+use beamlet_interface::MOMENTS_HEAD;
 use beamlet_model::scene::{Beam, Scatter, Scene, Scheme, ShapeOrMesh, Transport};
 use std::collections::BTreeSet;
 
@@ -41,10 +44,6 @@ const GATHERED: u64 = 160;
 /// Bytes on the host and on the device per beamlet whose light reaches the detector: its place, and its
 /// data of the masks.
 const BEAMLET: u64 = 96;
-/// Bytes on the device of a ray besides its moments, and of the cells made from it.
-const RAY: u64 = 140;
-/// Bytes on the device of lists of crossings.
-const LISTS: u64 = 16 << 20;
 /// Bytes on the device of fields, sums and records of lines by waves, and of the lines of half the spacing.
 const WAVE_DEVICE: u64 = 96 << 20;
 /// Bytes on the host of the light of lines whose heights are chosen together.
@@ -98,7 +97,7 @@ pub(super) struct Needs {
     beside: u64,
     frame: u64,
     beamlets: u64,
-    /// Rays of a view, about.
+    /// Rays of a view, about; of cells those of patches that are sampled together.
     pub(super) rays: u64,
     /// The same of a row of pixels, which are sampled together.
     row_rays: u64,
@@ -150,7 +149,7 @@ impl Needs {
             Beam::Energy(_) => OF_RAY,
             Beam::Spectrum(_) => OF_RAY + GATHERED + KEPT_MOMENTS * materials.len() as u64,
         };
-        let ray_device = RAY + 4 * (4 + 5 * materials.len() as u64);
+        let ray_device = RAY_BYTES + 4 * (MOMENTS_HEAD + 5 * materials.len()) as u64;
         Ok(Self {
             program: program(scene).saturating_add(grid.kernel_bytes),
             triangles: objects.iter().map(|o| o.triangles as u64).sum(),
@@ -247,6 +246,7 @@ impl Needs {
         MemoryEstimate {
             band_rows,
             rays_at_once,
+            batch_rays: self.batch_rays(rays_at_once),
             row_bytes: self.row_bytes(),
             band_bytes: self.row_bytes().saturating_mul(u64::from(band_rows) + self.beside),
             host_bytes: peak(|b| b.host),
@@ -266,6 +266,12 @@ impl Needs {
     /// Rays of a group of rows.
     fn rays_together(&self, rays_at_once: u64) -> u64 {
         rays_at_once.max(self.row_rays).min(self.rays)
+    }
+
+    /// Rays that the buffers of a tracer hold.
+    fn batch_rays(&self, rays_at_once: u64) -> u32 {
+        let [least, most] = [FIRST_BATCH, LARGEST_BATCH].map(|rays| rays_at_once.min(rays.into()));
+        numbers::at_most(numbers::length(self.rays_together(rays_at_once).clamp(least, most)))
     }
 
     /// Bytes of the lines of `rays` rays.
@@ -295,11 +301,12 @@ impl Needs {
             + OF_CELL * self.crowded.min(MOST_CELLS)
             + 64 * self.views
             + FRAME_COPIES * self.frame;
-        let device = LISTS
+        let device = LISTS_BYTES
+            + CellIlluminator::BYTES
             + wave_device
             + (TREE + STRUCTURE) * self.triangles
             + self.instances().device
-            + self.ray_device * rays
+            + self.ray_device * u64::from(self.batch_rays(rays_at_once))
             + 16 * self.views;
         HostAndDevice {
             host: host.saturating_add(band.saturating_mul(self.row.host)),

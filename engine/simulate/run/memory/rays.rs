@@ -1,6 +1,6 @@
 //! How many beamlets and rays a scene has, before it is traced.
 
-use crate::sampling::Lattice;
+use crate::sampling::{Lattice, PATCHES_AT_ONCE};
 use beamlet_core::{Error, Result, numbers};
 use beamlet_geometry::ObjectSummary;
 use beamlet_model::optics::Optics;
@@ -25,8 +25,7 @@ pub(super) fn beamlets(optics: &Optics) -> Result<u64> {
     ))
 }
 
-/// Rays of the beamlets and rows touched by objects in any view, about, and the rays of one
-/// row.
+/// Rays of the patches touched by objects in any view that are sampled together, about, and those of one row.
 pub(super) fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] {
     let lattice = Lattice::of(optics, 0.0);
     let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start) as f64;
@@ -50,5 +49,6 @@ pub(super) fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] 
         all += width * height;
         widths += width;
     }
-    [all.min(beamlets * rows), widths.min(beamlets)].map(|it| numbers::whole(it * of_beamlet))
+    let most = all.min(beamlets * rows).min(PATCHES_AT_ONCE as f64);
+    [most, widths.min(beamlets)].map(|it| numbers::whole(it * of_beamlet))
 }

@@ -162,7 +162,7 @@ impl Simulation {
     }
 
     /// Rows that shadows reach, as far as a run adds their light.
-    fn shadow_rows(&self, shadows: &[ProjectedBounds]) -> Range<i64> {
+    pub(super) fn shadow_rows(&self, shadows: &[ProjectedBounds]) -> Range<i64> {
         let halo = self.lattice.halo;
         let rows = shadows.iter().map(|it| it.rows.map(|row| numbers::whole::<i64>(row.floor())));
         let ends = rows.reduce(|[top, bottom], [a, b]| [top.min(a), bottom.max(b)]);

@@ -67,17 +67,14 @@ impl<'s> ViewWork<'s> {
         if view.is_dark() {
             return self.dark(view, sink);
         }
-        let (detector, lattice) = (&self.simulation.detector, &self.simulation.lattice);
+        let (detector, halo) = (&self.simulation.detector, self.simulation.lattice.halo);
         let poses = self.poses(view);
-        let sampled = self
-            .simulation
-            .bands()
-            .map(|band| detector.grid().lit_rows(&band))
-            .map(|lit| i64::from(lit.start) - lattice.halo..i64::from(lit.end) + lattice.halo);
-        let sampled: Vec<Range<i64>> = sampled.collect();
-        let repeated: Vec<Range<i64>> =
-            poses.iter().flat_map(|_| sampled.iter().cloned()).collect();
-        self.share.begin(lattice, &poses[0].shadows, !view.is_flat(), &repeated);
+        let groups = poses.iter().flat_map(|_| self.simulation.bands()).map(|band| {
+            let lit = detector.grid().lit_rows(&band);
+            i64::from(lit.start) - halo..i64::from(lit.end) + halo
+        });
+        let shadow = self.simulation.shadow_rows(&poses[0].shadows);
+        self.share.begin(!view.is_flat(), shadow, groups);
         self.report(view, control)?;
         for band in self.simulation.bands() {
             let mut mean = Mean::of(poses.len());

@@ -6,10 +6,12 @@ use beamlet_gpu::{Buffer, Device, Memory};
 use beamlet_interface::{Ray, RayResult};
 use std::sync::Arc;
 
+/// Bytes of a ray in the buffers of a batch, besides its moments.
+pub(crate) const RAY_BYTES: u64 = (size_of::<Ray>() + size_of::<RayResult>() + 6 * 4) as u64;
+
 /// Buffers of one batch.
 #[derive(Debug)]
 pub(super) struct Batch {
-    pub(super) capacity: u32,
     pub(crate) rays: Buffer,
     pub(crate) moments: Buffer,
     pub(crate) results: Buffer,
@@ -30,7 +32,6 @@ impl Batch {
         let words = words as u64;
         let make = |name: &str, bytes: u64| device.buffer(name, bytes, Memory::Device);
         Ok(Self {
-            capacity,
             rays: make("rays", n * size_of::<Ray>() as u64)?,
             moments: make("moments", n * words * 4)?,
             results: make("results", n * size_of::<RayResult>() as u64)?,

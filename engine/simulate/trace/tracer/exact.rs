@@ -21,7 +21,7 @@ const AT_NODES: u32 = 1 << 15;
 /// Crossings that lists of rays that are traced exactly hold at first.
 const SHORT_LIST: u32 = 64;
 /// Crossings that all lists hold together.
-pub(super) const LISTED: u32 = 1 << 21;
+pub(crate) const LISTED: u32 = 1 << 21;
 
 const _: () = assert!(list_of(LEVELS - 1) == LONGEST_LIST && list_of(LEVELS - 2) < LONGEST_LIST);
 

@@ -7,8 +7,8 @@ use beamlet_interface::{FLAG_GRAZING, KIND_SCATTERING, MOMENTS_FLAGS, MOMENTS_HE
 use std::sync::atomic::Ordering;
 
 impl Tracer {
-    /// Traces at most a batch of rays and leaves their moments in [`Self::moments`]; `take` uses them before the
-    /// batch may change its size. Indices of the rays that cross a surface near grazing, in order.
+    /// Traces at most a batch of rays and leaves their moments in [`Self::moments`]; `take` uses them before
+    /// the next batch. Indices of the rays that cross a surface near grazing, in order.
     ///
     /// # Errors
     /// As [`Tracer::trace`]; errors of `take`.
@@ -25,7 +25,7 @@ impl Tracer {
         self.counts.rays.fetch_add(count.into(), Ordering::Relaxed);
         take(self)?;
         let flagged = if flagged > 0 { self.flagged(rays.len())? } else { Vec::new() };
-        self.adapt(rays.len(), time)?;
+        self.adapt(rays.len(), time);
         Ok(flagged)
     }
 

@@ -36,7 +36,7 @@ impl<'s> Lines<'s> {
         let mut tracer = simulation.tracer()?;
         tracer.set_cancel(cancel.clone());
         let [walk, exact] = tracer.wanted_kernels();
-        LazyKernel::make_all(&[CellLight::kernel(simulation), walk, exact], cancel)?;
+        LazyKernel::make_all(&[exact, walk, CellLight::kernel(simulation)], cancel)?;
         Ok(Self {
             simulation,
             tracer,

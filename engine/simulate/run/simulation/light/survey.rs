@@ -25,7 +25,7 @@ const SECONDS: f64 = 1.0;
 /// Patches that the first look samples.
 const FIRST_PATCHES: f64 = 64.0;
 /// Fewest and most patches of a look.
-const PATCHES: [f64; 2] = [16.0, 256.0];
+const PATCHES: [f64; 2] = [64.0, 256.0];
 /// Seconds for them.
 const SECONDS_OF_A_LOOK: f64 = 0.15;
 /// Blocks of rows of which patches are audited, and patches of each.
@@ -34,8 +34,8 @@ const AUDITED_PATCHES: f64 = 8.0;
 
 /// Look at a view.
 struct Look {
-    /// Seconds that finding the shadows took.
-    shadow_seconds: f64,
+    /// Seconds for a view whatever the number of its patches: finding the shadows, and rounds of rays.
+    once: f64,
     /// Cost of all rows that a shadow reaches.
     cost: RowsCost,
 }
@@ -61,7 +61,7 @@ impl Lines<'_> {
         let count = looks.len().max(1) as f64;
         let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
         let rays = mean(&|look| look.cost.rays);
-        let seconds = mean(&|look| look.shadow_seconds + look.cost.seconds);
+        let seconds = mean(&|look| look.once + look.cost.seconds);
         let of_looks =
             |of: &dyn Fn(&RowsCost) -> f64| looks.iter().map(|look| of(&look.cost)).sum::<f64>();
         let sampled = of_looks(&|cost| cost.sampled);
@@ -144,20 +144,31 @@ impl Lines<'_> {
                 continue;
             }
             let start = (f64::from(number) * GOLDEN).fract();
-            let mut cost = RowsCost::default();
+            let (mut cost, mut once) = (RowsCost::default(), 0.0);
             for part in parts.iter().filter(|part| !part.is_empty()) {
                 let first = part.start + block_of(part) * ROWS;
                 let rows = first..(first + ROWS).min(part.end);
                 let share = (part.end - part.start) as f64 / (rows.end - rows.start) as f64;
+                // Rounds of lines and rays take their time whatever the number of patches, which a run samples
+                // many at a time.
+                let few = Choice { most: 0.25 * patches, start, steps_left_out };
+                let few = self.look(&pose, rows.clone(), few)?;
                 let choice = Choice { most: patches, start, steps_left_out };
-                let of_rows = self.look(&pose, rows, choice)?;
+                let mut of_rows = self.look(&pose, rows, choice)?;
+                if of_rows.sampled > few.sampled {
+                    let more = of_rows.sampled - few.sampled;
+                    let each = (of_rows.spent - few.spent).max(0.0) / more;
+                    let fixed = (few.spent - each * few.sampled).max(0.0);
+                    of_rows.seconds *= 1.0 - (fixed / of_rows.spent).min(1.0);
+                    once += fixed * (share * of_rows.patches / PATCHES_AT_ONCE as f64).ceil();
+                }
                 cost = cost.and(&of_rows.times(share));
             }
             if cost.sampled > 0.0 {
                 let each = (cost.spent / cost.sampled).max(1e-9);
                 patches = (SECONDS_OF_A_LOOK / each).clamp(PATCHES[0], PATCHES[1]);
             }
-            looks.push(Look { shadow_seconds, cost });
+            looks.push(Look { once: shadow_seconds + once, cost });
         }
         Ok(looks)
     }

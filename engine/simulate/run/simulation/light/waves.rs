@@ -48,9 +48,9 @@ impl<'s> Waves<'s> {
         tracer.set_cancel(cancel.clone());
         let [field, line] = kernels.all();
         let [walk, exact] = tracer.wanted_kernels();
-        let traced = [CellLight::kernel(simulation), walk, exact];
+        let traced = [exact, walk, CellLight::kernel(simulation)];
         let traced = if simulation.sample.is_empty() { &[][..] } else { &traced[..] };
-        LazyKernel::make_all(&[&[field, line], traced].concat(), cancel)?;
+        LazyKernel::make_all(&[traced, &[field, line]].concat(), cancel)?;
         let columns = simulation.detector.optics().detector.pixels[0];
         Ok(Self {
             simulation,
