@@ -3,8 +3,8 @@
 use super::relations::largest;
 use super::runs::{Run, folder, run};
 use super::samples::case;
+use super::seeds::{seeds_or, walk};
 use beamlet::Backend;
-use std::sync::Mutex;
 
 /// Tolerances of the run that is audited and of the one that is the truth.
 const TOLERANCES: [f64; 2] = [1e-3, 1e-4];
@@ -71,39 +71,24 @@ fn errors(seed: u64) -> Option<Errors> {
 #[test]
 #[ignore = "minutes: .ci/long"]
 fn measured_errors_of_random_scenes_are_true_ones() {
-    let queue = Mutex::new(super::seeds_or(SEEDS));
-    let walk = || {
-        let next = || queue.lock().expect("seeds").pop();
-        let print = |it: &Errors| {
-            println!(
-                "measured audit, seed {}: told {:.1e}, measured {:.1e} ± {:.1e}, true {:.1e}{}",
-                it.seed,
-                it.told,
-                it.measured,
-                it.standard_error,
-                it.true_one,
-                if it.agree() { "" } else { "  APART" }
-            );
-        };
-        let scene = |it: &Errors| {
-            if !it.agree() {
-                let text = case(it.seed).text(&folder(), &format!("seed {}", it.seed));
-                println!("--- scene of seed {}\n{text}---", it.seed);
-            }
-        };
-        std::iter::from_fn(next)
-            .filter_map(errors)
-            .inspect(print)
-            .inspect(scene)
-            .collect::<Vec<_>>()
-    };
-    let found: Vec<Errors> = std::thread::scope(|scope| {
-        [0; 2]
-            .map(|_| scope.spawn(walk))
-            .into_iter()
-            .flat_map(|it| it.join().expect("errors"))
-            .collect()
+    let found = walk(seeds_or(SEEDS), |seed| {
+        let it = errors(seed)?;
+        println!(
+            "measured audit, seed {}: told {:.1e}, measured {:.1e} ± {:.1e}, true {:.1e}{}",
+            it.seed,
+            it.told,
+            it.measured,
+            it.standard_error,
+            it.true_one,
+            if it.agree() { "" } else { "  APART" }
+        );
+        if !it.agree() {
+            let text = case(it.seed).text(&folder(), &format!("seed {}", it.seed));
+            println!("--- scene of seed {}\n{text}---", it.seed);
+        }
+        Some(it)
     });
+    let found: Vec<Errors> = found.into_iter().flatten().collect();
     let agree = found.iter().filter(|it| it.agree()).count();
     println!("{agree} of {} scenes agree", found.len());
     assert!(10 * agree >= 9 * found.len(), "{agree} of {} scenes agree", found.len());

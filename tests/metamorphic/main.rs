@@ -16,6 +16,7 @@ mod relations;
 mod rows;
 mod runs;
 mod samples;
+mod seeds;
 mod set_ups;
 mod shrink;
 #[path = "../support/mod.rs"]
@@ -27,7 +28,7 @@ use compare::{Limits, largest};
 use ndarray::Array4;
 use relations::{RELATIONS, Relation};
 use runs::{difference, folder, run};
-use std::sync::Mutex;
+use seeds::{seeds_or, walk};
 use std::time::Instant;
 use support::backends;
 
@@ -41,14 +42,6 @@ const SEEN: f32 = 0.01;
 /// The seeds of `BEAMLET_SEED`, or the seeds of CI.
 fn seeds() -> Vec<u64> {
     seeds_or(SEEDS)
-}
-
-/// The seeds of `BEAMLET_SEED`, or others.
-fn seeds_or(others: impl IntoIterator<Item = u64>) -> Vec<u64> {
-    let Ok(text) = std::env::var("BEAMLET_SEED") else { return others.into_iter().collect() };
-    let (first, last) = text.split_once('-').unwrap_or((&text, &text));
-    let number = |it: &str| it.parse().expect("BEAMLET_SEED is a number or a range such as 1-300");
-    (number(first)..=number(last)).collect()
 }
 
 /// True if a seed takes this relation. Each takes a half of most: more scenes find more than more
@@ -74,10 +67,12 @@ fn is_taken(relation: Relation, seed: u64) -> bool {
 struct Outcome {
     failed: Vec<String>,
     seen: bool,
+    /// The difference of each relation, in limits.
+    ratios: [f64; RELATIONS.len()],
 }
 
-/// Holds a seed to its relations. `worst`: the largest difference of each so far, in limits.
-fn hold(seed: u64, worst: &mut [f64]) -> Outcome {
+/// Holds a seed to its relations.
+fn hold(seed: u64) -> Outcome {
     let start = Instant::now();
     let case = samples::case(seed);
     let mut outcome = Outcome::default();
@@ -92,14 +87,14 @@ fn hold(seed: u64, worst: &mut [f64]) -> Outcome {
     outcome.seen = first.contrast() > SEEN;
     let design = if case.scene.has_heights() { "apertures end along z, " } else { "" };
     let mut figures = format!("{design}contrast {:.2}", first.contrast());
-    for (relation, worst) in RELATIONS.into_iter().zip(worst) {
+    for (relation, ratio) in RELATIONS.into_iter().zip(&mut outcome.ratios) {
         if !is_taken(relation, seed) {
             continue;
         }
         let what = match difference(relation, &case, &first) {
             Ok(None) => continue,
             Ok(Some(found)) => {
-                *worst = worst.max(found.ratio());
+                *ratio = found.ratio();
                 figures += &format!(", {relation} {:.1e}", found.amount());
                 if found.ratio() <= 1.0 {
                     continue;
@@ -136,22 +131,11 @@ fn report(seed: u64, relation: Relation, case: &Case, what: &str) {
 
 #[test]
 fn random_scenes_keep_their_relations() {
-    let queue = Mutex::new(seeds());
-    let walk = || {
-        let mut worst = [0.0_f64; RELATIONS.len()];
-        let next = || queue.lock().expect("seeds").pop();
-        let outcomes = std::iter::from_fn(next).map(|seed| hold(seed, &mut worst));
-        (outcomes.collect::<Vec<Outcome>>(), worst)
-    };
-    // A seed leaves processors idle.
-    let walks = std::thread::scope(|scope| {
-        [0; 2].map(|_| scope.spawn(walk)).map(|it| it.join().expect("outcomes"))
-    });
+    let outcomes = walk(seeds(), hold);
     for (k, relation) in RELATIONS.iter().enumerate() {
-        let worst = walks.iter().fold(0.0_f64, |most, (_, worst)| most.max(worst[k]));
+        let worst = outcomes.iter().fold(0.0_f64, |most, it| most.max(it.ratios[k]));
         println!("measured {relation}: {worst:.2} of the limit");
     }
-    let outcomes: Vec<Outcome> = walks.into_iter().flat_map(|it| it.0).collect();
     let failed: Vec<&str> = outcomes.iter().flat_map(|it| &it.failed).map(String::as_str).collect();
     let seen = outcomes.iter().filter(|it| it.seen).count();
     println!("{} seeds, {seen} samples seen, {} failed", outcomes.len(), failed.len());
