@@ -102,7 +102,7 @@ pub(super) fn outlines(sample: &Sample) -> Vec<Vec<[f64; 2]>> {
             }
         }
         for (points, farthest) in points.iter_mut().zip(farthest) {
-            points.extend(farthest.map(DVec2::to_array));
+            points.extend(farthest.map(|it| it.to_array()));
         }
     }
     points.into_iter().map(outline).collect()

@@ -1,7 +1,7 @@
 //! Doubts of `check` about set-ups, by the real binary: each fault has its warning, and the shipped scenes
 //! have none.
 
-use crate::support::program::done;
+use crate::support::program::{done, run};
 use std::fs;
 use std::path::Path;
 
@@ -213,4 +213,24 @@ fn standing_rods_are_named_once_and_angles_are_numbers() {
         [&run["angles_deg"], &run["angles_rad"]],
         [&setup["angles_deg"], &setup["angles_rad"]]
     );
+}
+
+/// What `check` says of the field is said by the run, too, and kept in its record.
+#[test]
+fn runs_warn_of_a_sample_outside_the_field() {
+    let directory = tempfile::tempdir().unwrap();
+    let text = format!(
+        "{MASKS}\n[scan]\nmask_offsets = [\"0 um\"]\n[detector]\ndistance = \"1.8 m\"\npixels = [16, 2]\n\
+         pitch = \"150 um\"\n[[object]]\nname = \"ball\"\nmaterial = \"water\"\n\
+         shape = {{ sphere = {{ radius = \"0.2 mm\" }} }}\nposition = [\"20 mm\", \"0 mm\", \"0 mm\"]\n"
+    );
+    let report = checked(directory.path(), &text, "");
+    assert!(report.contains("lies in all views outside the field of view"), "{report}");
+    let run = run(directory.path(), "simulate scene.toml -o run");
+    let told = String::from_utf8_lossy(&run.stderr);
+    assert!(told.contains("\"ball\" lies in all views outside the field of view"), "{told}");
+    let record = fs::read_to_string(directory.path().join("run/run.json")).unwrap();
+    let record: serde_json::Value = serde_json::from_str(&record).unwrap();
+    let [warning] = record["warnings"].as_array().unwrap().as_slice() else { panic!("{record}") };
+    assert!(report.contains(warning.as_str().unwrap()), "{warning}");
 }

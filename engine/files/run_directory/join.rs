@@ -285,6 +285,7 @@ fn record_of(scene: &Scene, parts: &[Ready], first: &RunRecord) -> Result<RunRec
     let tolerance = scene.sampling.tolerances().light;
     record.sampling = SamplingSummary::of(&record.tally, tolerance);
     record.sampling_error = SamplingError::of(&record.tally, tolerance);
+    record.warnings.extend(record.sampling_error.and_then(|it| it.warning(tolerance)));
     record.seconds = BTreeMap::new();
     for (stage, seconds) in parts.iter().flat_map(|part| &part.file.record.seconds) {
         *record.seconds.entry(stage.clone()).or_default() += seconds;

@@ -65,3 +65,10 @@ def test_reports_of_refused_samples_print_why(engine: bl.Engine) -> None:
     report = engine.check(bl.Scene.from_dict(SCENE | {"object": [body]}))
     assert len(report.refusals) == 1 and "open" in report.refusals[0]
     assert report.refusals[0] in str(report)
+
+
+def test_runs_warn_of_a_sample_outside_the_field(scene: bl.Scene, engine: bl.Engine) -> None:
+    assert engine.simulate(scene).warnings == []
+    run = engine.simulate(scene.replace("object.rod.position", ["20 mm", "0 mm", "0 mm"]))
+    assert any("outside the field of view" in warning for warning in run.warnings)
+    assert "1 warning" in repr(run)

@@ -272,13 +272,15 @@ impl Simulation {
             profile,
             ..RunRecord::begin(&self.start, self.scene.sampling.seed)
         };
-        let grazing = wave::grazing_warning(&self.scene, &tally);
-        let audited = record.sampling_error.and_then(|it| it.warning(self.budget.tolerance));
-        let found: Vec<String> = grazing.into_iter().chain(audited).collect();
-        found.iter().for_each(|text| log::warn!("{text}"));
-        record.warnings = warnings.into_iter().chain(found).collect();
+        record.warnings = warnings;
         // The counts of a part are too few to be judged: the join judges the sum.
         if control.views.is_none() {
+            let grazing = wave::grazing_warning(&self.scene, &tally);
+            let audited = record.sampling_error.and_then(|it| it.warning(self.budget.tolerance));
+            for text in grazing.into_iter().chain(audited) {
+                log::warn!("{text}");
+                record.warnings.push(text);
+            }
             self.check_tally(&tally)?;
         }
         sink.finish(&record)?;
