@@ -14,6 +14,7 @@ use beamlet::{
     Backend, Engine, EngineOptions, Ray, Result, Simulation, SurfaceCrossing, uncovered,
 };
 use glam::DVec3;
+use rayon::prelude::*;
 
 /// Where the sample is looked at from.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -228,9 +229,10 @@ fn visit_places(
     places: &[Place],
     mut visit: impl FnMut(usize, &[Surface]),
 ) -> Result<()> {
+    let front = |place: &Place| impostors.at(place.column, place.row);
+    let fronts: Vec<Option<Surface>> = places.par_iter().map(front).collect();
     let mut at = |index: usize, mut met: Vec<Surface>| {
-        let Place { column, row } = places[index];
-        if let Some(front) = impostors.at(column, row) {
+        if let Some(front) = fronts[index] {
             met.insert(met.partition_point(|it| it.depth < front.depth), front);
         }
         visit(index, &met);
