@@ -155,7 +155,8 @@ fn expected(scene: &Scene, rod: &Rod, diameter: Option<f64>) -> f64 {
     variances(&scene, rod.name, &[30.0]).expect("constants").expect("bodies")[0]
 }
 
-/// The ratio of the variances of two set-ups falls with the diameter, whatever the strength of the scattering.
+/// The ratio of the variances of two set-ups falls with the diameter, whatever the strength of the scattering: 0.1 % of it
+/// are up to 4 % of the diameter.
 #[test]
 fn ct_in_two_set_ups_returns_scattering_and_sizes_of_three_materials() {
     let scenes = SET_UPS.map(scene);
@@ -169,7 +170,7 @@ fn ct_in_two_set_ups_returns_scattering_and_sizes_of_three_materials() {
         }
     }
     worst.holds();
-    let mut worst = Worst::new("diameter from two set-ups, relative", 0.02);
+    let mut worst = Worst::new("diameter from two set-ups, relative", 0.05);
     for (index, rod) in RODS.iter().enumerate() {
         let Some(structure) = scenes[0].microstructures.get(rod.name) else { continue };
         let ratio = found[1][index] / found[0][index];
