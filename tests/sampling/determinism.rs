@@ -52,7 +52,7 @@ fn scenes() -> Vec<(&'static str, Scene, Vec<Cut>)> {
         |roughness: f64, tolerance| at(tolerance, kinds::few_rows(unresolved::fibres(roughness)));
     let [holes, tube] = apertures::cut_scenes();
     vec![
-        ("cells", scene(Scheme::Cells), all(&[little(176)])),
+        ("cells", scene(Scheme::Cells), all(&[little(188)])),
         ("random rays", scene(Scheme::Random), every.to_vec()),
         // Cells of a spectrum are made in an order that depends on their number at a time.
         ("shapes in a tube", spectrum(kinds::with_tube(kinds::shapes())), both(257)),
