@@ -146,6 +146,8 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
     layer.simulate(None, MESHES, &[&spectrum[..], &["--set", "sampling.transport=exact"]].concat());
     let random = "sampling={scheme=\"random\", rays=[8, 8]}";
     layer.simulate(None, MESHES, &["--set", random]);
+    // Rays look for meshes.
+    layer.run(None, &["view", "scene.toml", "-o", "pictures"]);
     let heights = ["--set", "sample_mask.shape=rectangle", "--set", "detector_mask.shape=round"];
     layer.simulate(None, FIBRE, &heights);
     layer.simulate(None, FIBRE, &[&heights[..], &["--set", random]].concat());
@@ -166,8 +168,6 @@ fn every_kernel_works_without_a_message_of_the_validation_layer() {
     reconstruct(&mut layer, 1, "");
     reconstruct(&mut layer, 6, "");
     reconstruct(&mut layer, 6, "motions = \"motions.csv\"\n");
-
-    layer.run(None, &["view", "scene.toml", "-o", "pictures"]);
 
     let second = icd(SECOND_DRIVER);
     for objects in [MESHES, &many(MESHES)] {
