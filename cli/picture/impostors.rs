@@ -20,7 +20,7 @@ const NONE: u32 = u32::MAX;
 pub(super) struct View {
     /// To the right, into the picture and upwards, in the world.
     pub(super) axes: [DVec3; 3],
-    /// Of the middle of the picture: across, into it and up, m.
+    /// Middle of the picture: across, into it and up, m.
     pub(super) centre: [f64; 3],
     /// Half the width, m.
     pub(super) half: f64,
@@ -53,7 +53,7 @@ pub(super) struct Surface {
     /// Into the picture, m.
     pub(super) depth: f32,
     /// Index of its object.
-    pub(super) object: u32,
+    pub(super) object: usize,
     /// Unit normal to the right, into the picture and upwards.
     pub(super) normal: [f32; 3],
 }
@@ -65,7 +65,7 @@ struct Body {
     placed: u32,
     columns: Range<usize>,
     rows: Range<usize>,
-    /// Of its point in front, m.
+    /// Depth of its point in front, m.
     depth: f32,
     strip: Option<Strip>,
 }
@@ -109,16 +109,15 @@ pub(super) struct Impostors<'s> {
 }
 
 impl<'s> Impostors<'s> {
-    /// Objects that can be drawn so, by index: those of exact shapes that cross no others, and that are opaque.
+    /// True for each object that can be drawn so: opaque ones of exact shapes that cross no others.
     pub(super) fn objects(sample: &Sample, translucent: &[bool]) -> Vec<bool> {
         let mut drawn: Vec<bool> = translucent.iter().map(|it| !it).collect();
         let mut has_shapes = vec![false; drawn.len()];
-        let of = |component: u32| sample.components[component as usize].object as usize;
         for component in &sample.triangle_component {
-            drawn[of(*component)] = false;
+            drawn[sample.object_of(*component)] = false;
         }
         for (at, placed) in (0_u32..).zip(&sample.placed) {
-            let object = of(placed.component);
+            let object = sample.object_of(placed.component);
             let is_exact = sample.prototypes[placed.prototype as usize].shape.is_some();
             drawn[object] &= is_exact && sample.partners.of(at).is_none();
             has_shapes[object] = true;
@@ -146,7 +145,7 @@ impl<'s> Impostors<'s> {
         };
         let mut bodies: Vec<Body> = (0_u32..)
             .zip(&sample.placed)
-            .filter(|(_, it)| objects[sample.components[it.component as usize].object as usize])
+            .filter(|(_, it)| objects[sample.object_of(it.component)])
             .map(in_view)
             .collect();
         bodies.sort_by(|a, b| a.depth.total_cmp(&b.depth));
@@ -196,7 +195,7 @@ impl<'s> Impostors<'s> {
         let start = self.view.start(place(column), -place(row));
         let entry = self.sample.entry(placed, start, into)?;
         let normal = [right, into, up].map(|axis| single(axis.dot(entry.normal)));
-        let object = self.sample.components[placed.component as usize].object;
+        let object = self.sample.object_of(placed.component);
         Some(Surface { depth: single(entry.distance), object, normal })
     }
 }

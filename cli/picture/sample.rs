@@ -126,16 +126,16 @@ impl Picture {
         Ray::new(0, [single(x), single(z)], [0.0; 2])
     }
 
-    /// Colour of surfaces one behind another, and a number of those that show: where neighbours differ in
-    /// it, more rays are traced.
+    /// Colour of surfaces one behind another, and a hash of those that show: pixels whose hash differs from a
+    /// neighbour's are looked at again, finer.
     fn seen(&self, met: &[Surface]) -> ([f64; 3], u64) {
         let mut light = [0.0; 3];
         let mut through = 1.0;
         let mut key = 0_u64;
         for surface in met {
-            let object = surface.object as usize;
+            let object = surface.object;
             let [x, y, z] = surface.normal.map(f64::from);
-            key = (key ^ (1 + u64::from(surface.object))).wrapping_mul(0x0100_0000_01b3);
+            key = (key ^ (1 + object as u64)).wrapping_mul(0x0100_0000_01b3);
             let facing = y.abs().min(1.0);
             // Towards the viewer, whichever side is seen.
             let side = if y > 0.0 { -1.0 } else { 1.0 };
@@ -163,16 +163,16 @@ impl Picture {
     }
 }
 
-/// The objects that rays look for.
+/// Objects whose surfaces are found by rays.
 struct RayTraced {
     simulation: Simulation,
     /// Their indices in the whole scene.
-    objects: Vec<u32>,
+    objects: Vec<usize>,
 }
 
 impl RayTraced {
-    /// Opens a device for the objects that are not drawn as `shapes`; `None` where there are none. A device that was
-    /// asked for is opened in any case.
+    /// Opens a device for the objects that are not drawn as `shapes`; `None` where there are none. A device that the
+    /// user names is always opened, so that a wrong name is an error.
     fn of(
         scene: &Scene,
         sample: &Sample,
@@ -183,11 +183,10 @@ impl RayTraced {
         let mut is_traced = vec![false; sample.objects.len()];
         let placed = sample.placed.iter().map(|it| it.component);
         for component in sample.triangle_component.iter().copied().chain(placed) {
-            let object = sample.components[component as usize].object as usize;
+            let object = sample.object_of(component);
             is_traced[object] = !shapes[object];
         }
-        let objects: Vec<u32> =
-            (0..numbers::count(is_traced.len())).filter(|it| is_traced[*it as usize]).collect();
+        let objects: Vec<usize> = (0..is_traced.len()).filter(|it| is_traced[*it]).collect();
         if objects.is_empty() && device.is_none() {
             return Ok(None);
         }

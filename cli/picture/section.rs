@@ -82,21 +82,20 @@ const DIRECTIONS: u32 = 64;
 /// Convex outlines of the objects from above, by object, m; empty where an object has no surface.
 pub(super) fn outlines(sample: &Sample) -> Vec<Vec<[f64; 2]>> {
     let mut points: Vec<Vec<[f64; 2]>> = vec![Vec::new(); sample.objects.len()];
-    let object = |component: u32| sample.components[component as usize].object as usize;
     for (triangle, component) in sample.triangles.iter().zip(&sample.triangle_component) {
         let corners = triangle.map(|vertex| {
             let [x, y, _] = sample.vertices[vertex as usize];
             [x, y]
         });
-        points[object(*component)].extend(corners);
+        points[sample.object_of(*component)].extend(corners);
     }
     let direction = |it: u32| DVec2::from_angle(TAU * f64::from(it) / f64::from(DIRECTIONS));
     for along in (0..DIRECTIONS).map(direction) {
-        // Of all instances only the farthest one matters.
+        // Only the farthest one of all instances matters.
         let mut farthest: Vec<Option<DVec2>> = vec![None; points.len()];
         for placed in &sample.placed {
             let at = sample.farthest_of_placed(placed, along.extend(0.0)).truncate();
-            let best = &mut farthest[object(placed.component)];
+            let best = &mut farthest[sample.object_of(placed.component)];
             if best.is_none_or(|best| best.dot(along) < at.dot(along)) {
                 *best = Some(at);
             }

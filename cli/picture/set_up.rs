@@ -23,8 +23,8 @@ const STRIPS: u32 = 48;
 const MOST_SEEN: f64 = 40.0;
 const DETECTOR: Rgb = [40, 110, 150];
 
-/// Bytes for each triangle of meshes, and of the instances that the section cuts, while the drawing is made: its
-/// corners, and those of the section by their edges.
+/// Bytes for each triangle that is drawn, of meshes and of instances that the section cuts: its corners for the outline,
+/// and its two corners of the section.
 const OF_TRIANGLE: u64 = 320;
 
 /// Draws the set-up at angle 0.
@@ -56,9 +56,9 @@ pub(crate) fn draw(scene: &Scene, sample: &Sample) -> Result<Drawing> {
 /// The sample seen from above, m.
 struct FromAbove<'s> {
     sample: &'s Sample,
-    /// By object.
+    /// Outline of each object.
     outlines: Vec<Vec<[f64; 2]>>,
-    /// Of the section at z = 0.
+    /// Lines of the section at z = 0.
     loops: Vec<Loop>,
 }
 

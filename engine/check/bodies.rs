@@ -1,9 +1,9 @@
 //! Advice to describe packings of small bodies as materials.
 
 use super::CheckedObject;
+use super::display::length;
 use beamlet_core::Result;
 use beamlet_core::printed::number;
-use beamlet_core::units::Dimension;
 use beamlet_model::microstructure::Description;
 use beamlet_model::scene::{
     BodyShape, Instances, Microstructure, Object, Packing, PackingAmount, PackingKind, Scene,
@@ -43,7 +43,7 @@ pub(super) fn advice(scene: &Scene, objects: &[CheckedObject], energy: f64) -> R
     Ok(all)
 }
 
-/// The bodies of a packing without a direction, of this volume (m³) in all, as those of a material.
+/// Microstructure with the bodies of a packing that has no direction; `volume`: of all its bodies, m³.
 fn medium(object: &Object, volume: f64) -> Option<Microstructure> {
     let Some(Instances::Packing(packing)) = &object.instances else { return None };
     let Packing { kind, region, amount, diameter_spread, .. } = packing;
@@ -70,8 +70,7 @@ fn medium(object: &Object, volume: f64) -> Option<Microstructure> {
 
 fn words(name: &str, host: &str, medium: &Description) -> String {
     let Description { shape, diameter, spread, fraction, of, variances, rays, .. } = medium;
-    let diameter =
-        Dimension::Length.rounded(format!("{diameter:.3e}").parse().unwrap_or(*diameter));
+    let diameter = length(*diameter);
     let spread =
         if *spread > 0.0 { format!(", spread = {}", number(*spread)) } else { String::new() };
     let difference = match medium.by_waves {

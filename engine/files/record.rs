@@ -144,7 +144,7 @@ pub struct RunRecord {
     /// Upper bound of the error of a recorded value from edges off the rotation centre, share of open beam: the
     /// spot blurs them as if they were at the centre. `None`: unknown; and under `scheme = "random"`, which has no such error.
     pub edge_error: Option<f64>,
-    /// What a user should look at: a sample outside the field of view, errors that may exceed a tolerance.
+    /// Warnings for the user: a sample outside the field of view, errors that may exceed a tolerance.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
     /// Seconds by stage.

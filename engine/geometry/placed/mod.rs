@@ -124,13 +124,16 @@ impl Sample {
         }
     }
 
+    /// Index of the object of a component.
+    #[doc(hidden)]
+    pub fn object_of(&self, component: u32) -> usize {
+        self.components[component as usize].object as usize
+    }
+
     /// Extent of a placed surface along a direction: the least and the greatest product with its points, m.
     #[doc(hidden)]
     pub fn extent_of_placed(&self, placed: &Placed, along: DVec3) -> [f64; 2] {
-        let (prototype, place) = (&self.prototypes[placed.prototype as usize], &placed.place);
-        let own = place.linear().transpose() * along;
-        let middle = along.dot(place.position);
-        [middle - prototype.reach(-own), middle + prototype.reach(own)]
+        [-along, along].map(|towards| along.dot(self.farthest_of_placed(placed, towards)))
     }
 
     /// The point of the hull of a placed surface that is farthest along a direction, m.

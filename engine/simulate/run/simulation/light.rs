@@ -161,6 +161,13 @@ impl Simulation {
         self.scene.scan.poses() as f64
     }
 
+    /// Pose of the sample of this index, with its shadows.
+    pub(super) fn pose(&self, index: u32) -> Pose {
+        let shadows =
+            if self.sample.is_empty() { Vec::new() } else { self.projected_bounds(index) };
+        Pose { view: Exposure::Sample(self.view_of(index)), index, shadows }
+    }
+
     /// Rows that shadows reach, as far as a run adds their light.
     pub(super) fn shadow_rows(&self, shadows: &[ProjectedBounds]) -> Range<i64> {
         let halo = self.lattice.halo;

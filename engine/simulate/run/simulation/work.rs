@@ -103,12 +103,7 @@ impl<'s> ViewWork<'s> {
             return vec![Pose { view, index: 0, shadows: Vec::new() }];
         };
         let count = numbers::count(self.simulation.scene.scan.poses_of_view());
-        let shadows = |index| match self.simulation.sample.is_empty() {
-            true => Vec::new(),
-            false => self.simulation.projected_bounds(index),
-        };
-        let pose = |index| Pose { view, index, shadows: shadows(index) };
-        (number * count..(number + 1) * count).map(pose).collect()
+        (number * count..(number + 1) * count).map(|index| self.simulation.pose(index)).collect()
     }
 
     /// Intensities of a band at one pose of the sample.

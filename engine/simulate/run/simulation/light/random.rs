@@ -138,7 +138,6 @@ impl Light for Random<'_> {
         let simulation = self.simulation;
         let all = simulation.grid_rows();
         let rows = all / 2..(all / 2 + TIMED_ROWS).min(all);
-        let view = Exposure::Sample(0);
         self.begin(&simulation.band_of(rows.start), Exposure::Flat(0))?;
         // Fewer rays of each pixel where these are many.
         let optics = simulation.detector.optics();
@@ -151,7 +150,7 @@ impl Light for Random<'_> {
         }
         let kernels = simulation.simulator.random_kernels();
         self.rays = RandomIlluminator::new(simulation.device(), kernels, &sparse);
-        let pose = Pose { view, index: 0, shadows: simulation.projected_bounds(0) };
+        let pose = simulation.pose(0);
         let begin = Instant::now();
         self.add_rows(&pose, &rows)?;
         let spent = begin.elapsed().as_secs_f64();

@@ -9,7 +9,6 @@ use crate::trace::Tracer;
 use beamlet_core::random::GOLDEN;
 use beamlet_core::{Result, numbers};
 use beamlet_files::AuditedError;
-use beamlet_model::scene::Exposure;
 use std::collections::HashSet;
 use std::ops::Range;
 use std::time::Instant;
@@ -86,7 +85,7 @@ impl Lines<'_> {
         for number in 0..AUDITED_BLOCKS {
             let turn = (f64::from(number) * GOLDEN + 0.5).fract();
             let pose = numbers::whole::<u32>(turn * self.simulation.pose_count());
-            let pose = self.pose(pose);
+            let pose = self.simulation.pose(pose);
             let all = self.simulation.shadow_rows(&pose.shadows);
             let [low, high] = [all.start.max(0), all.end.min(self.simulation.grid_rows())];
             let first = low + numbers::whole::<i64>(turn * (high - low).max(0) as f64);
@@ -129,7 +128,7 @@ impl Lines<'_> {
             let view = (f64::from(number) * GOLDEN + 0.5).fract() * self.simulation.pose_count();
             let view = numbers::whole::<u32>(view);
             let shadow = Instant::now();
-            let pose = self.pose(view);
+            let pose = self.simulation.pose(view);
             let shadow_seconds = shadow.elapsed().as_secs_f64();
             let all = self.simulation.shadow_rows(&pose.shadows);
             // Rows beside the detector take few rays: they are looked at apart.
@@ -188,11 +187,6 @@ impl Lines<'_> {
         };
         let Choice { most, start, .. } = choice;
         sampling::survey_rows(&view, tracer, rows, &lit, (most, start), &mut add)
-    }
-
-    fn pose(&self, index: u32) -> Pose {
-        let view = Exposure::Sample(self.simulation.view_of(index));
-        Pose { view, index, shadows: self.simulation.projected_bounds(index) }
     }
 
     /// Begins the sums of the band with a row of the grid; rows of the band.

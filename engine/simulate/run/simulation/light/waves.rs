@@ -128,26 +128,24 @@ impl Light for Waves<'_> {
         Seconds { trace: self.seconds - illuminate, illuminate, ..Seconds::default() }
     }
 
-    /// From a few rows of views.
+    /// Rays and time as a few rows of views take them.
     fn estimate(&mut self) -> Result<RunEstimate> {
         let simulation = self.simulation;
         let views = simulation.pose_count();
         let (mut rays, mut seconds) = (0.0, 0.0);
         for look in 0..LOOKS {
             let turn = (f64::from(look) * GOLDEN + 0.5).fract();
-            let index = numbers::whole::<u32>(turn * views);
-            let shadows = simulation.projected_bounds(index);
-            let all = simulation.shadow_rows(&shadows);
+            let pose = simulation.pose(numbers::whole::<u32>(turn * views));
+            let all = simulation.shadow_rows(&pose.shadows);
             let first = all.start + numbers::whole::<i64>(turn * (all.end - all.start) as f64);
             let rows = first..(first + TIMED_ROWS).min(all.end);
             if rows.is_empty() {
                 continue;
             }
-            let view = Exposure::Sample(simulation.view_of(index));
             self.begin(&simulation.band_of(rows.start), Exposure::Flat(0))?;
             let before = self.tracer.rays_traced();
             let begin = Instant::now();
-            self.add_rows(&Pose { view, index, shadows }, &rows)?;
+            self.add_rows(&pose, &rows)?;
             let scale = (all.end - all.start) as f64 / (rows.end - rows.start) as f64;
             rays += scale * (self.tracer.rays_traced() - before) as f64 / f64::from(LOOKS);
             seconds += scale * begin.elapsed().as_secs_f64() / f64::from(LOOKS);
