@@ -4,10 +4,11 @@ use super::CheckedObject;
 use super::display::length;
 use beamlet_core::Result;
 use beamlet_core::printed::number;
+use beamlet_model::material::{Constants, constants_at};
 use beamlet_model::microstructure::Description;
 use beamlet_model::scene::{
-    BodyShape, Instances, Microstructure, Object, Packing, PackingAmount, PackingKind, Scene,
-    Shape, ShapeOrMesh,
+    Beam, BodyShape, Instances, MaterialSpec, Microstructure, Object, Packing, PackingAmount,
+    PackingKind, Scene, Shape, ShapeOrMesh,
 };
 
 /// Diameter over the width of a pixel below which a pixel sees the mean of many bodies.
@@ -21,7 +22,7 @@ const LONG: f64 = 20.0;
 /// As [`Description::of`].
 pub(super) fn advice(scene: &Scene, objects: &[CheckedObject], energy: f64) -> Result<Vec<String>> {
     let mut all = Vec::new();
-    for (object, checked) in scene.objects.iter().zip(objects) {
+    for (number, (object, checked)) in scene.objects.iter().zip(objects).enumerate() {
         let Some(medium) = medium(object, checked.volume) else { continue };
         let host = match checked.inside.as_slice() {
             [] => Some(&scene.surroundings),
@@ -29,11 +30,20 @@ pub(super) fn advice(scene: &Scene, objects: &[CheckedObject], energy: f64) -> R
             _ => None,
         };
         let Some(host) = host else { continue };
+        if scene.microstructures.contains_key(host) {
+            continue;
+        }
+        // The region in place of the bodies, of a material of its own with the constants of the host.
+        let name = format!("medium of {}", object.name);
+        let Constants { mu, delta, .. } = constants_at(scene, host, energy)?;
         let mut instead = scene.clone();
-        instead.microstructures.insert(host.clone(), medium);
+        instead.source.beam = Beam::Energy(energy);
+        instead.materials.insert(name.clone(), MaterialSpec::Constants { mu, delta });
+        instead.microstructures.insert(name.clone(), medium);
+        instead.objects[number].material.clone_from(&name);
         // A run that would refuse the medium is not advised.
         if instead.validate().is_ok()
-            && let Some(of_medium) = Description::of(&instead, host, energy)?
+            && let Some(of_medium) = Description::of(&instead, &name, energy)?
             && of_medium.per_pixel < SMALL
             && of_medium.variances[1] > 0.0
         {

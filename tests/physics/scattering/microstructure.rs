@@ -138,6 +138,11 @@ fn small_bodies_of_a_packing_have_a_medium_that_is_proposed() {
     let text = proposed(&small).expect("advice");
     let keys = "{ shape = \"spheres\", diameter = \"4 um\", fraction = 0.2, of = \"body\" } in the host \"host\"";
     assert!(text.contains(keys), "{text}");
+    // Bodies in the surroundings, which themselves may not scatter, have one, too.
+    let mut alone = small.clone();
+    alone.objects.remove(0);
+    let text_alone = proposed(&alone).expect("advice");
+    assert!(text_alone.contains("in the host \"vacuum\""), "{text_alone}");
     let mut instead = small;
     instead.objects.pop();
     let medium = Microstructure::new(BodyShape::Spheres, "body", 4e-6, 0.2);
