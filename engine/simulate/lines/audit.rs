@@ -18,6 +18,7 @@ use super::even::{EvenPatch, EvenSampler};
 use super::light::Illumination;
 use super::line::{Piece, Source};
 use super::patches::LinePatch;
+use super::window_light::WindowLight;
 use crate::sampling::{Opening, ViewContext};
 use crate::trace::Tracer;
 use beamlet_core::numbers::single;
@@ -52,6 +53,9 @@ enum Sampled<'p> {
     Lines(&'p LinePatch),
     Even(&'p EvenPatch),
 }
+
+/// Light of a patch by the row where it lands.
+type LandedLight = [WindowLight; ROWS.len()];
 
 /// Part of the light of a patch that a piece gives.
 #[derive(Debug, Clone, Copy)]
@@ -100,7 +104,7 @@ impl<'a> Auditor<'a> {
         if drawn.is_empty() {
             return Ok(Audit::default());
         }
-        let mut differences = vec![[0; SETS].map(|_| vec![0.0; self.values()]); drawn.len()];
+        let mut differences = vec![[0; SETS].map(|_| self.no_light()); drawn.len()];
         let mut lines = Vec::new();
         let mut cells: Vec<FreshCells> = Vec::new();
         for (at, it) in drawn.iter_mut().enumerate() {
@@ -126,7 +130,7 @@ impl<'a> Auditor<'a> {
         let of_line = |line: &FreshLine| self.difference(line, &drawn[line.drawn].patch);
         for (line, of_line) in lines.iter().zip(lines.par_iter().map(of_line).collect::<Vec<_>>()) {
             let of_set = &mut differences[line.drawn][line.set];
-            of_set.iter_mut().zip(of_line).for_each(|(sum, it)| *sum += it);
+            of_set.iter_mut().zip(of_line).for_each(|(sum, it)| sum.add(&it));
         }
         let mut audit = Audit::default();
         for (it, [a, b]) in drawn.iter().zip(&differences) {
@@ -163,8 +167,10 @@ impl<'a> Auditor<'a> {
     }
 
     /// Sums of a drawn patch, whose errors by two sets are `a` and `b`.
-    fn sums(&self, a: &[f64], b: &[f64], probability: f64) -> AuditSums {
-        let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    fn sums(&self, a: &LandedLight, b: &LandedLight, probability: f64) -> AuditSums {
+        let product = |a: &LandedLight, b: &LandedLight| {
+            a.iter().zip(b).map(|(a, b)| a.product(b)).sum::<f64>()
+        };
         let budget = &self.view.budget;
         let unit = (budget.by_grid * budget.tolerance).powi(2) * self.view.response.steps() as f64;
         let square = product(a, b) / unit;
@@ -177,9 +183,8 @@ impl<'a> Auditor<'a> {
         AuditSums::new(square / probability, variance)
     }
 
-    /// Values of a patch: light in each row where it lands, by kind of window, mask step and window.
-    fn values(&self) -> usize {
-        ROWS.len() * self.illumination.values_of_light()
+    fn no_light(&self) -> LandedLight {
+        ROWS.map(|_| self.illumination.no_light())
     }
 
     /// Adds the light of pieces of a patch, by the rows where it lands.
@@ -188,13 +193,12 @@ impl<'a> Auditor<'a> {
         [beamlet, row]: [i64; 2],
         pieces: &[Piece],
         part: impl Fn(&Piece) -> Part,
-        sums: &mut [f64],
+        sums: &mut LandedLight,
     ) {
         let lattice = self.view.lattice;
         let column = lattice.column(beamlet);
         let all = i64::from(self.view.optics.detector.pixels[1]);
-        let count = self.illumination.values_of_light();
-        for (sums, aside) in sums.chunks_exact_mut(count).zip(ROWS) {
+        for (sum, aside) in sums.iter_mut().zip(ROWS) {
             // A wide blur takes light to many rows: then all of it is one value.
             let rows = match (lattice.has_wide_row_blur(), aside) {
                 (true, 0) => 0..all,
@@ -210,9 +214,8 @@ impl<'a> Auditor<'a> {
             if rows.is_empty() || pieces.iter().all(|piece| share(piece) == 0.0) {
                 continue;
             }
-            let light = self.illumination.pass(column, &self.openings[column], pieces, share);
-            let values = light.light(count).iter();
-            sums.iter_mut().zip(values).for_each(|(sum, it)| *sum += f64::from(*it));
+            let line = self.illumination.pass(column, &self.openings[column], pieces, share);
+            sum.add(&line.light);
         }
     }
 }

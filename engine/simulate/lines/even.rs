@@ -150,6 +150,8 @@ struct Sample {
     passed: f32,
     displacement: f32,
     landed: Landed,
+    /// Column of its beamlet in the lattice.
+    column: usize,
     crossings: u32,
 }
 
@@ -325,14 +327,14 @@ impl<'a> EvenSampler<'a> {
             let passed = single(recorded) * response.hardening.light(result.optical_depth);
             let at = response.landing(column, ray[0], result.displacement_x);
             let width = cell[1] - cell[0];
-            let half = 0.5 * response.magnification.abs() * width;
             Sample {
                 area: width * (z[1] - z[0]) * response.weight,
                 cell,
                 x: ray[0],
                 passed,
                 displacement: result.displacement_x,
-                landed: response.landed(column, [passed, at], half),
+                landed: Landed { light: passed, at },
+                column,
                 crossings: result.crossings,
             }
         };
@@ -343,8 +345,10 @@ impl<'a> EvenSampler<'a> {
 
     /// Change of the light of a ray if it had this light and displacement.
     fn change(&self, own: &Sample, [passed, displacement]: [f32; 2]) -> f64 {
-        let at = self.view.response.landing(own.landed.column(), own.x, displacement);
-        self.view.response.change_from(&own.landed, [passed, at]).into()
+        let response = self.view.response;
+        let at = response.landing(own.column, own.x, displacement);
+        let half = 0.5 * response.magnification.abs() * own.width();
+        response.change(own.column, [own.landed, Landed { light: passed, at }], half).into()
     }
 
     /// True if rays cross many surfaces, and their neighbours do not predict their light.

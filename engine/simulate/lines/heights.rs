@@ -7,6 +7,7 @@
 //! just below it.
 
 use super::line::PER_JUMP;
+use super::window_light::{Values, places};
 use crate::sampling::ProjectedBounds;
 use beamlet_core::numbers;
 
@@ -46,7 +47,12 @@ const MOST_PARTS: f64 = 26.0;
 /// Light of a line, as heights are judged by it.
 pub(crate) trait Judged {
     /// Recorded values.
-    fn values(&self) -> &[f32];
+    fn values(&self) -> Values<'_>;
+
+    /// Light times its displacement along x, of each mask step, as an error of light; none where that does not count.
+    fn displaced(&self) -> &[f32] {
+        &[]
+    }
 
     /// Light times its displacement, rows downwards, of each mask step; none where light stays in its row.
     fn moved(&self) -> &[f32] {
@@ -226,8 +232,8 @@ pub(crate) struct Heights<L> {
     rough: bool,
     /// True if light differs from line to line by chance.
     is_random: bool,
-    /// Number of the values that are judged.
-    judged: usize,
+    /// True if light is judged alone, without its displacement along x.
+    light_alone: bool,
 }
 
 impl<L: Judged + Clone> Heights<L> {
@@ -240,7 +246,7 @@ impl<L: Judged + Clone> Heights<L> {
                 limits,
                 rough,
                 is_random: false,
-                judged: usize::MAX,
+                light_alone: false,
             };
         }
         let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_PARTS);
@@ -263,7 +269,7 @@ impl<L: Judged + Clone> Heights<L> {
             estimate: None,
         };
         let lines = heights.into_iter().map(place).collect();
-        Self { lines, limits, rough, is_random: false, judged: usize::MAX }
+        Self { lines, limits, rough, is_random: false, light_alone: false }
     }
 
     /// Heights of lines without light, rows below the upper border.
@@ -306,10 +312,10 @@ impl<L: Judged + Clone> Heights<L> {
         self.limits.lines = self.limits.lines.min(lines.max(3));
     }
 
-    /// Judges the first values alone.
-    pub(crate) fn judge(&mut self, values: usize) {
-        if values != self.judged {
-            self.judged = values;
+    /// Judges light alone, without its displacement along x.
+    pub(crate) fn judge_light_alone(&mut self) {
+        if !self.light_alone {
+            self.light_alone = true;
             self.lines.iter_mut().for_each(|line| line.estimate = None);
         }
     }
@@ -459,23 +465,28 @@ impl<L: Judged + Clone> Heights<L> {
         let beside = |at: usize| Some(at).filter(|at| !self.lines[*at].jumps);
         let above = at.checked_sub(1).and_then(beside).and_then(|at| self.rise(at));
         let below = beside(at + 1).and_then(|at| self.rise(at));
+        let rises = || above.iter().chain([&own]).chain(&below);
         let (mut worst, mut most, mut change, mut is_jump) = (0.0_f64, 0.0_f64, 0.0_f64, false);
-        for value in 0..own.upper.len() {
-            let slope = own.slope(value);
-            let bend = |beside: &Rise<'_>| (beside.slope(value) - slope).abs();
-            worst = worst.max(match (&above, &below) {
-                (Some(a), Some(b)) => {
-                    let larger = |it: &Rise<'_>| bend(it) * (it.height / own.height).min(1.0);
-                    bend(a).min(bend(b)).max(PER_LARGER * larger(a).max(larger(b)))
-                }
-                (Some(it), None) | (None, Some(it)) => bend(it).max(PER_SLOPE * slope.abs()),
-                (None, None) => slope.abs(),
-            });
-            change = change.max(slope.abs() * own.height);
-            most = most.max(f64::from(own.upper[value].max(own.lower[value])));
-            let is_level = |it: &Rise<'_>| it.slope(value) * slope < BESIDE_JUMP * slope * slope;
-            is_jump |= slope.abs() * own.height > self.limits.error
-                && above.iter().chain(&below).all(is_level);
+        for kind in 0..own.values.len() {
+            for place in places(rises().flat_map(|it| it.values[kind])) {
+                let value = Value { kind, place };
+                let slope = own.slope(value);
+                let bend = |beside: &Rise<'_>| (beside.slope(value) - slope).abs();
+                worst = worst.max(match (&above, &below) {
+                    (Some(a), Some(b)) => {
+                        let larger = |it: &Rise<'_>| bend(it) * (it.height / own.height).min(1.0);
+                        bend(a).min(bend(b)).max(PER_LARGER * larger(a).max(larger(b)))
+                    }
+                    (Some(it), None) | (None, Some(it)) => bend(it).max(PER_SLOPE * slope.abs()),
+                    (None, None) => slope.abs(),
+                });
+                change = change.max(slope.abs() * own.height);
+                most = own.ends(value).into_iter().fold(most, f64::max);
+                let is_level =
+                    |it: &Rise<'_>| it.slope(value) * slope < BESIDE_JUMP * slope * slope;
+                is_jump |= slope.abs() * own.height > self.limits.error
+                    && above.iter().chain(&below).all(is_level);
+            }
         }
         let hides = is_jump && own.height > LEAST_HIDING;
         let uneven = self.limits.uneven.error(own.height) * change;
@@ -520,11 +531,15 @@ impl<L: Judged + Clone> Heights<L> {
     fn rise(&self, at: usize) -> Option<Rise<'_>> {
         let light = |at: usize| self.lines.get(at)?.light.as_ref();
         let ends = [light(at)?, light(at + 1)?];
-        let [upper, lower] = ends.map(|it| &it.values()[..self.judged.min(it.values().len())]);
         let farthest = ends[0].farthest().max(ends[1].farthest());
         let is_broken = ends[0].structure() != ends[1].structure();
         let moved = ends.map(L::moved);
-        Some(Rise { upper, lower, moved, farthest, is_broken, height: self.height(at) })
+        let displaced = ends.map(|it| Values {
+            first: 0,
+            values: if self.light_alone { &[] } else { it.displaced() },
+        });
+        let values = [ends.map(L::values), displaced];
+        Some(Rise { values, moved, farthest, is_broken, height: self.height(at) })
     }
 
     /// Light that is linear in z over intervals, and its values at their ends: the part of a line in the light of the
@@ -582,8 +597,8 @@ impl Estimate {
 /// Light at both ends of an interval.
 #[derive(Debug)]
 struct Rise<'a> {
-    upper: &'a [f32],
-    lower: &'a [f32],
+    /// Light, and light times displacement along x, each at the upper and lower end.
+    values: [[Values<'a>; 2]; 2],
     moved: [&'a [f32]; 2],
     farthest: f64,
     /// Rays of the two lines cross other surfaces.
@@ -592,10 +607,23 @@ struct Rise<'a> {
     height: f64,
 }
 
+/// Value that is judged: its kind and place among [`Rise::values`].
+#[derive(Debug, Clone, Copy)]
+struct Value {
+    kind: usize,
+    place: i64,
+}
+
 impl Rise<'_> {
+    /// A value at the upper and lower end.
+    fn ends(&self, Value { kind, place }: Value) -> [f64; 2] {
+        self.values[kind].map(|it| it.at(place))
+    }
+
     /// Change of a value per row.
-    fn slope(&self, value: usize) -> f64 {
-        (f64::from(self.lower[value]) - f64::from(self.upper[value])) / self.height
+    fn slope(&self, value: Value) -> f64 {
+        let [upper, lower] = self.ends(value);
+        (lower - upper) / self.height
     }
 }
 

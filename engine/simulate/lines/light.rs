@@ -2,19 +2,15 @@
 
 use super::heights::{Draws, Judged};
 use super::line::{PER_JUMP, Piece, Source, open_share};
-use crate::sampling::{Opening, ViewContext};
+use super::window_light::{Values, WindowLight};
+use crate::sampling::{Landed, Opening, ViewContext};
 use beamlet_core::numbers::{self, single};
 use std::ops::Range;
 
-/// Windows side by side that have values of their own; those of a window farther off are added to the window this many
-/// before it.
-const WINDOWS: i64 = 5;
 /// Rows beyond the recorded ones within which light counts: it may land otherwise between two lines.
 const BESIDE: f64 = 1.0;
 /// Standard deviations of the blur over rows that are recorded.
 const BLURS: f64 = 3.0;
-/// Least half width of light in a window, share of its period: the table of windows has no points within less.
-const LEAST_HALF: f32 = 1e-4;
 
 /// Part of the light that materials spread: all parts of a piece move alike, so that pieces add up to the light of a
 /// piece that they divide.
@@ -40,8 +36,10 @@ const SPREAD: [SpreadPart; 5] = [
 #[derive(Debug, Clone, Default)]
 pub(crate) struct LitLine {
     pub pieces: Vec<Piece>,
-    /// Light by kind of window, mask step and window; then by mask step light times displacement along x.
-    values: Vec<f32>,
+    /// Light that windows receive.
+    pub light: WindowLight,
+    /// Light times displacement along x, by mask step, as an error of light.
+    displaced: Vec<f32>,
     /// Light times displacement, rows downwards, by mask step.
     moved: Vec<f32>,
     /// Largest displacement of its light along z, rows.
@@ -62,19 +60,18 @@ impl LitLine {
     /// Bytes that it holds.
     pub(crate) fn bytes(&self) -> u64 {
         let pieces = self.pieces.len() * size_of::<Piece>();
-        let values = (self.values.len() + self.moved.len()) * size_of::<f32>();
-        (pieces + values + size_of::<Self>()) as u64
-    }
-
-    /// Light by kind of window, mask step and window; `count`: [`Illumination::values_of_light`].
-    pub(super) fn light(&self, count: usize) -> &[f32] {
-        &self.values[..count]
+        let steps = (self.displaced.len() + self.moved.len()) * size_of::<f32>();
+        (pieces + self.light.bytes() + steps + size_of::<Self>()) as u64
     }
 }
 
 impl Judged for std::sync::Arc<LitLine> {
-    fn values(&self) -> &[f32] {
-        &self.values
+    fn values(&self) -> Values<'_> {
+        self.light.values()
+    }
+
+    fn displaced(&self) -> &[f32] {
+        &self.displaced
     }
 
     fn moved(&self) -> &[f32] {
@@ -124,10 +121,9 @@ impl<'a> Illumination<'a> {
         }
     }
 
-    /// Number of the values of light, which come before those of the displacement along x.
-    pub(crate) fn values_of_light(&self) -> usize {
-        let response = self.view.response;
-        response.windows.len() * response.steps() * numbers::narrow::<usize>(WINDOWS)
+    /// No light of a line.
+    pub(super) fn no_light(&self) -> WindowLight {
+        WindowLight::new(self.view.response.windows.len() * self.view.response.steps())
     }
 
     /// Rows that a ray is displaced by, downwards.
@@ -178,44 +174,39 @@ impl<'a> Illumination<'a> {
     ) -> LitLine {
         let response = self.view.response;
         let steps = response.steps();
-        let of_light = self.values_of_light();
-        let mut light = LitLine {
-            values: vec![0.0; of_light + steps],
+        let none = || LitLine {
+            light: self.no_light(),
+            displaced: vec![0.0; steps],
             moved: vec![0.0; steps],
             ..LitLine::default()
         };
         let half = single(0.5 * self.view.lattice.period);
-        let mut leaked = if response.leak > 0.0 { vec![0.0; of_light + steps] } else { Vec::new() };
-        let mut leaked_moved = [0.0];
+        // What bars let through is the same at all steps.
+        let bars = Opening { step: 0, x: [-half, half] };
+        let [mut light, mut leaked] = [none(), none()];
         for piece in pieces {
             let counted = share(piece);
             if counted == 0.0 {
                 continue;
             }
-            let down = self.down(piece);
-            let add = |opening: &Opening, values: &mut [f32], moved: &mut [f32]| {
-                let step = opening.step as usize;
-                let passed = self.add(column, piece, counted, opening, values);
-                moved[step] += passed * down;
-            };
             for opening in openings {
-                add(opening, &mut light.values, &mut light.moved);
+                self.add(column, piece, counted, opening, &mut light);
             }
             if response.leak > 0.0 {
-                add(&Opening { step: 0, x: [-half, half] }, &mut leaked, &mut leaked_moved);
+                self.add(column, piece, counted, &bars, &mut leaked);
             }
         }
         if response.leak > 0.0 {
             let [open, leak] = [1.0 - response.leak, response.leak];
-            let each = of_light / (response.windows.len() * steps);
-            for (at, value) in light.values[..of_light].iter_mut().enumerate() {
-                let kind = at / (each * steps);
-                *value = open * *value + leak * leaked[kind * each * steps + at % each];
+            light.light.scale(open);
+            for (number, of_kinds) in leaked.light.windows() {
+                let to = light.light.window(number).chunks_exact_mut(steps);
+                for (to, of_kind) in to.zip(of_kinds.chunks_exact(steps)) {
+                    to.iter_mut().for_each(|it| *it += leak * of_kind[0]);
+                }
             }
-            for value in &mut light.values[of_light..] {
-                *value = open * *value + leak * leaked[of_light];
-            }
-            light.moved.iter_mut().for_each(|it| *it = open * *it + leak * leaked_moved[0]);
+            light.displaced.iter_mut().for_each(|it| *it = open * *it + leak * leaked.displaced[0]);
+            light.moved.iter_mut().for_each(|it| *it = open * *it + leak * leaked.moved[0]);
         }
         light
     }
@@ -229,7 +220,7 @@ impl<'a> Illumination<'a> {
             let passed =
                 if lands { response.hardening.light(piece.result.optical_depth) } else { 0.0 };
             let x = single(piece.middle());
-            [passed, response.landing(column, x, piece.result.displacement_x)]
+            Landed { light: passed, at: response.landing(column, x, piece.result.displacement_x) }
         };
         let is_drawn = |piece: &Piece| piece.draws && piece.source != Source::FirstOrder;
         for (at, piece) in pieces.iter().enumerate().filter(|(_, piece)| is_drawn(piece)) {
@@ -243,30 +234,29 @@ impl<'a> Illumination<'a> {
                 let other = landed(it);
                 // Light that lands in another row is lost to this one.
                 let rows = (self.down(piece) - self.down(it)).abs().min(1.0);
-                let moved = own[0].max(other[0]) * rows;
-                f64::from(response.change(column, own, other, half).max(moved))
+                let moved = own.light.max(other.light) * rows;
+                f64::from(response.change(column, [own, other], half).max(moved))
             });
-            draws.add(area, own[0].into(), change);
+            draws.add(area, own.light.into(), change);
         }
         draws
     }
 
-    /// Adds a share of the light of a piece through an opening to values, parts of a spectrum apart; what passes windows,
-    /// times its refraction over that at the mean constants.
+    /// Adds a share of the light of a piece through an opening, parts of a spectrum apart.
     fn add(
         &self,
         column: usize,
         piece: &Piece,
         share: f32,
         opening: &Opening,
-        values: &mut [f32],
-    ) -> f32 {
+        to: &mut LitLine,
+    ) {
         let response = self.view.response;
         let steps = response.steps();
         let width = piece.width();
         let x = [piece.x[0].max(opening.x[0].into()), piece.x[1].min(opening.x[1].into())];
         if x[1] <= x[0] {
-            return 0.0;
+            return;
         }
         let shares = x.map(|x| single((x - piece.x[0]) / width));
         let between = |[low, high]: [f32; 2]| shares.map(|share| low + (high - low) * share);
@@ -289,24 +279,22 @@ impl<'a> Illumination<'a> {
             let slope = slope.copysign(slope * (high - low));
             for (kind, windows) in response.windows.iter().enumerate() {
                 let at = windows.landing(column, middle);
-                let half = half.max(LEAST_HALF * windows.period);
                 for spread in spread {
                     let at = at + spread.deviations * deviation;
                     for number in windows.numbers(column, at, half) {
                         let aside = at - number as f32 * windows.period;
-                        let passed = windows.passed_sloped(aside, half, slope);
+                        let passed = windows.passed(aside, half, slope);
                         let passed = spread.share * (part * light * windows.share * passed);
-                        let index = number.rem_euclid(WINDOWS);
-                        let place = (kind * steps + step) * numbers::narrow::<usize>(WINDOWS);
-                        values[place + numbers::narrow::<usize>(index)] += passed;
+                        to.light.window(number)[kind * steps + step] += passed;
+                        // Times its refraction over that at the mean constants.
                         moved += ratio * passed;
                     }
                 }
             }
         }
         let mean = 0.5 * (displacement[0] + displacement[1]);
-        values[self.values_of_light() + step] += self.by_displacement * light * mean;
-        moved
+        to.displaced[step] += self.by_displacement * light * mean;
+        to.moved[step] += moved * self.down(piece);
     }
 
     /// Error of the light of a piece that has the exact ray through its middle alone: as if light changed half way to
@@ -330,8 +318,9 @@ impl<'a> Illumination<'a> {
             return 0.0;
         }
         let middle = single(own.middle());
-        let landed = |depth: f32, displacement: f32| {
-            [response.hardening.light(depth), response.landing(column, middle, displacement)]
+        let landed = |depth: f32, displacement: f32| Landed {
+            light: response.hardening.light(depth),
+            at: response.landing(column, middle, displacement),
         };
         let half = 0.5 * response.magnification * single(own.width());
         let depth = own.result.optical_depth;
@@ -339,7 +328,7 @@ impl<'a> Illumination<'a> {
         let beside =
             [at.checked_sub(1), Some(at + 1)].into_iter().flatten().filter_map(|at| pieces.get(at));
         let change = |depth: f32, displacement: f32| {
-            f64::from(response.change(column, of_own, landed(depth, displacement), half))
+            f64::from(response.change(column, [of_own, landed(depth, displacement)], half))
         };
         // Edges behind the first surface lie aside by as much as refraction moves the path.
         let aside = |it: &Piece| f64::from((it.result.slope_x * it.extent).abs()).min(own.width());
@@ -352,7 +341,7 @@ impl<'a> Illumination<'a> {
                     // Between two rays light may land where neither does.
                     let apart = it.result.displacement_x - own.result.displacement_x;
                     let most = (f64::from(apart.abs()) * response.steepest()).min(1.0);
-                    moved = moved.max(f64::from(of_own[0]) * most);
+                    moved = moved.max(f64::from(of_own.light) * most);
                 }
                 same = Some(same.unwrap_or(0.0_f64).max(own.width() * moved));
             } else if self.view.facets.is_exact && is_ray(it) {

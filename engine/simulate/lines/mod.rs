@@ -9,8 +9,10 @@ mod light;
 mod line;
 mod patches;
 mod sections;
+mod window_light;
 
 pub(crate) use even::{EvenCell, EvenPatch};
 pub(crate) use heights::{Features, Heights, Judged, LEAST_OF_RAYS, Limits, Uneven};
 pub(crate) use line::Piece;
 pub(crate) use patches::{LinePatch, LineSampler, PatchPlaces, Sampled};
+pub(crate) use window_light::Values;

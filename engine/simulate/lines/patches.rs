@@ -125,9 +125,9 @@ impl LinePatch {
     }
 
     /// Estimated errors: of light, and by light and displacement, in the unit of light.
-    fn errors(&mut self, values_of_light: usize) -> [f64; 2] {
+    fn errors(&mut self) -> [f64; 2] {
         let all = self.heights.error();
-        self.heights.judge(values_of_light);
+        self.heights.judge_light_alone();
         let light = self.heights.error();
         let of_line = |(at, line): (usize, &Arc<LitLine>)| {
             let [top, bottom] = self.heights.nearest(at);
@@ -226,9 +226,8 @@ impl<'a> LineSampler<'a> {
         if !self.choose_heights(tracer, &mut lines, room.saturating_sub(held))? {
             return Ok(None);
         }
-        let values = self.illumination.values_of_light();
         let budget = &self.view.budget;
-        let errors: Vec<[f64; 2]> = lines.par_iter_mut().map(|it| it.errors(values)).collect();
+        let errors: Vec<[f64; 2]> = lines.par_iter_mut().map(LinePatch::errors).collect();
         let of_lines = lines.iter().zip(&errors).map(|(patch, [light, all])| {
             let rays = patch.heights.light().map(|line| line.rays).sum();
             let lines = patch.heights.count() as u64;
@@ -333,7 +332,6 @@ impl<'a> LineSampler<'a> {
             if held > room {
                 return Ok(false);
             }
-            let values = self.illumination.values_of_light();
             let undone = patches.par_iter_mut().zip(wanted).filter(|(_, own)| !own.is_empty());
             undone.for_each(|(patch, own)| {
                 let line = |place: &LinePlace| {
@@ -346,7 +344,7 @@ impl<'a> LineSampler<'a> {
                     own.iter().map(|line| line.pieces.len()).sum::<usize>() / own.len().max(1);
                 patch.heights.limit(self.most_pieces / pieces.max(1));
                 if patch.is_cut {
-                    patch.heights.judge(values);
+                    patch.heights.judge_light_alone();
                 }
                 patch.heights.add(own.into_iter());
             });

@@ -3,7 +3,7 @@
 
 use super::hardening::Hardening;
 use super::lattice::Lattice;
-use super::windows::{Seen, Windows};
+use super::windows::{Landed, Windows};
 use beamlet_core::numbers::single;
 use beamlet_interface::BeamletGeometry;
 use beamlet_model::optics::{Mask, Openings, Optics};
@@ -160,45 +160,11 @@ impl Response {
         self.magnification * x + displacement + self.landing[column]
     }
 
-    /// Largest change of the light in any pixel between two results of the beamlet at `column`: light
-    /// that passes the sample and landing point of each, spread over 2 `half`.
-    pub(crate) fn change(&self, column: usize, a: [f32; 2], b: [f32; 2], half: f32) -> f32 {
-        self.change_from(&self.landed(column, a, half), b)
-    }
-
-    /// Light of the beamlet at `column` that passes the sample and its landing point, spread over
-    /// 2 `half`, as windows see it.
-    pub(crate) fn landed(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Landed {
-        let mut landed = Landed { column, light, seen: [Seen::default(); 2] };
-        for (seen, windows) in landed.seen.iter_mut().zip(&self.windows) {
-            *seen = windows.seen(column, [light, at], half);
-        }
-        landed
-    }
-
-    /// Largest change of the light in any pixel if it had this light and landing point.
-    pub(crate) fn change_from(&self, own: &Landed, [light, at]: [f32; 2]) -> f32 {
-        let change = |(windows, seen): (&Windows, &Seen)| {
-            windows.share * windows.change(own.column, (seen, own.light), [light, at])
-        };
-        self.windows.iter().zip(&own.seen).map(change).sum()
-    }
-}
-
-/// Light as windows see it.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Landed {
-    /// Column of its beamlet in the lattice.
-    column: usize,
-    /// Share of the light on the sample that passes it.
-    light: f32,
-    seen: [Seen; 2],
-}
-
-impl Landed {
-    /// Column of its beamlet in the lattice.
-    pub(crate) const fn column(&self) -> usize {
-        self.column
+    /// Largest change of the light in any pixel between two results of the beamlet at `column`: light that passes the
+    /// sample, spread over 2 `half`.
+    pub(crate) fn change(&self, column: usize, results: [Landed; 2], half: f32) -> f32 {
+        let of = |windows: &Windows| windows.share * windows.change(column, results, half);
+        self.windows.iter().map(of).sum()
     }
 }
 

@@ -6,8 +6,6 @@ use std::ops::RangeInclusive;
 
 /// Points of a table of windows per period of the windows.
 const WINDOW_POINTS: usize = 512;
-/// Half width of the table, periods.
-const WINDOW_REACH: usize = 2;
 /// Light farther than this beyond the end of a window does not pass it, standard deviations of the blur.
 const FARTHEST: f64 = 6.0;
 
@@ -16,9 +14,10 @@ const FARTHEST: f64 = 6.0;
 pub(crate) struct Windows {
     /// Share of the light that they pass where they are open.
     pub(crate) share: f32,
-    /// Integral of the light through one window over the landing point, m, at points from
-    /// `-WINDOW_REACH` periods on.
+    /// Integral of the light through one window over the landing point, m, at points from `-table_reach` periods on.
     integral: Vec<f32>,
+    /// Half width of the table, periods: that of the light that passes.
+    table_reach: f32,
     /// Ends of the windows of a period, m, where they are sharper than points of the table show.
     sharp: Option<Vec<[f32; 2]>>,
     /// Light farther than this from the centre of a window does not pass it, m.
@@ -32,14 +31,13 @@ pub(crate) struct Windows {
     recorded: Vec<[i64; 2]>,
 }
 
-/// Light as windows see it: spread over 2 `half` about a landing point, m.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Seen {
-    at: f32,
-    half: f32,
-    /// Number of the nearest window, and what passes that and the two beside it.
-    home: f32,
-    passed: [f32; 3],
+/// Light that lands on the analyser.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Landed {
+    /// Share of the light on the sample.
+    pub light: f32,
+    /// Its place, m from the centre of an aperture of the detector mask.
+    pub at: f32,
 }
 
 impl Windows {
@@ -57,13 +55,14 @@ impl Windows {
             [numbers::whole((low / period).ceil()), numbers::whole((high / period).floor())]
         };
         let is_sharp = blur * WINDOW_POINTS as f64 <= period;
+        let end = openings.ends().flatten().fold(0.0, |m: f64, end| m.max(end.abs()));
+        let reach = end + FARTHEST * blur;
+        let table_reach = (reach / period).ceil();
         Self {
             share,
-            integral: window_integral(openings, blur),
-            reach: single(
-                openings.ends().flatten().fold(0.0, |m: f64, end| m.max(end.abs()))
-                    + FARTHEST * blur,
-            ),
+            integral: window_integral(openings, blur, numbers::whole(table_reach)),
+            table_reach: single(table_reach),
+            reach: single(reach),
             sharp: is_sharp.then(|| openings.ends().map(|ends| ends.map(single)).collect()),
             period: single(period),
             aside,
@@ -83,7 +82,7 @@ impl Windows {
             return windows.iter().map(|[low, high]| at.clamp(*low, *high)).sum();
         }
         let points = WINDOW_POINTS as f32;
-        let place = (at / self.period + WINDOW_REACH as f32) * points;
+        let place = (at / self.period + self.table_reach) * points;
         if place <= 0.0 {
             self.integral[0]
         } else if place >= (self.integral.len() - 1) as f32 {
@@ -104,58 +103,35 @@ impl Windows {
         numbers::whole::<i64>(low.ceil()).max(first)..=numbers::whole::<i64>(high.floor()).min(last)
     }
 
-    /// Share of light spread evenly over [at - half, at + half] that passes the window at 0.
-    pub(crate) fn passed(&self, at: f32, half: f32) -> f32 {
+    /// Share of light spread over [at - half, at + half] that passes the window at 0; it changes linearly by 1 ± `slope`
+    /// of its mean to either end: exact where the window is of third degree there.
+    pub(crate) fn passed(&self, at: f32, half: f32, slope: f32) -> f32 {
         if at.abs() - half > self.reach {
             return 0.0;
         }
-        (self.integral(at + half) - self.integral(at - half)) / (2.0 * half)
-    }
-
-    /// As [`Self::passed`], of light that changes linearly by 1 ± `slope` of its mean to either end: exact where the
-    /// window is of third degree there.
-    pub(crate) fn passed_sloped(&self, at: f32, half: f32, slope: f32) -> f32 {
-        if at.abs() - half > self.reach {
-            return 0.0;
-        }
+        // The table has no points within less; and the quotient keeps its digits.
+        let half = half.max(self.period / WINDOW_POINTS as f32);
         let [low, middle, high] = [at - half, at, at + half].map(|at| self.integral(at));
         (high - low + 2.0 / 3.0 * slope * (low - 2.0 * middle + high)) / (2.0 * half)
     }
 
-    /// Light of the beamlet at `column` that lands at `at`, spread over 2 `half`, as windows see it.
-    pub(super) fn seen(&self, column: usize, [light, at]: [f32; 2], half: f32) -> Seen {
-        let at = self.landing(column, at);
-        // The table has no points within less; and the quotient below keeps its digits.
-        let half = half.max(2.0 * self.period / WINDOW_POINTS as f32);
-        let home = (at / self.period).round();
-        Seen { at, half, home, passed: self.passed_near(light, at, home, half) }
-    }
-
-    /// Light that passes the window `home` and those beside it.
-    fn passed_near(&self, light: f32, at: f32, home: f32, half: f32) -> [f32; 3] {
-        [-1.0, 0.0, 1.0].map(|k| light * self.passed(at - (home + k) * self.period, half))
-    }
-
-    /// Largest change of the light in any window if `own` had another amount and landing point.
-    pub(super) fn change(&self, column: usize, own: (&Seen, f32), [light, at]: [f32; 2]) -> f32 {
-        let (seen, own_light) = own;
-        let at = self.landing(column, at);
-        let most = |a: [f32; 3], b: [f32; 3]| {
-            a.iter().zip(b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max)
+    /// Largest change of the light in any window on the detector if light of the beamlet at `column`, spread over
+    /// 2 `half`, had another amount and landing point.
+    pub(super) fn change(&self, column: usize, [a, b]: [Landed; 2], half: f32) -> f32 {
+        let [a, b] = [a, b].map(|it| Landed { at: self.landing(column, it.at), ..it });
+        let passed = |it: Landed, number: i64| {
+            it.light * self.passed(it.at - number as f32 * self.period, half, 0.0)
         };
-        let near = most(seen.passed, self.passed_near(light, at, seen.home, seen.half));
-        let home = (at / self.period).round();
-        if (home - seen.home).abs() < 0.5 {
-            return near;
-        }
-        let there = self.passed_near(own_light, seen.at, home, seen.half);
-        near.max(most(there, self.passed_near(light, at, home, seen.half)))
+        let numbers = [a, b].map(|it| self.numbers(column, it.at, half));
+        let change = |number: i64| (passed(a, number) - passed(b, number)).abs();
+        numbers.into_iter().flatten().map(change).fold(0.0, f32::max)
     }
 }
 
-/// Integral of the windows of a period, blurred by a Gaussian, at the points of the table.
-fn window_integral(openings: &Openings, blur: f64) -> Vec<f32> {
-    let last = 2 * WINDOW_REACH * WINDOW_POINTS;
+/// Integral of the windows of a period, blurred by a Gaussian, at the points of a table over `reach` periods to either
+/// side.
+fn window_integral(openings: &Openings, blur: f64, reach: usize) -> Vec<f32> {
+    let last = 2 * reach * WINDOW_POINTS;
     // Second antiderivative of the Gaussian.
     let ramp = |x: f64| {
         let t = x / blur;
@@ -166,7 +142,7 @@ fn window_integral(openings: &Openings, blur: f64) -> Vec<f32> {
         x * 0.5 * libm::erfc(-t * std::f64::consts::FRAC_1_SQRT_2) + blur * density
     };
     let at = |point: usize| {
-        let x = (point as f64 / WINDOW_POINTS as f64 - WINDOW_REACH as f64) * openings.period[0];
+        let x = (point as f64 / WINDOW_POINTS as f64 - reach as f64) * openings.period[0];
         single(openings.ends().map(|[low, high]| ramp(x - low) - ramp(x - high)).sum())
     };
     (0..=last).map(at).collect()
@@ -178,14 +154,44 @@ mod tests {
     use beamlet_model::optics::Mask;
     use beamlet_model::scene::{MaskBody, MaskSpec};
 
+    /// Apertures of 30 um in a period of 150 um on a detector of ten, behind a blur, m.
+    fn windows(width: f64, blur: f64) -> Windows {
+        let body = MaskBody::Sheet { transmission: 0.0 };
+        let spec = MaskSpec::new(1.0, 150e-6, width, body);
+        let openings = Mask::new("detector_mask", &spec, 1, 1).openings(1.0);
+        Windows::new(&openings, blur, 1.0, Vec::new(), std::iter::once([-750e-6, 750e-6]))
+    }
+
     #[test]
     fn the_integral_of_a_window_rises_by_its_width() {
-        let body = MaskBody::Sheet { transmission: 0.0 };
-        let spec = MaskSpec::new(1.0, 150e-6, 30e-6, body);
-        let openings = Mask::new("detector_mask", &spec, 1, 1).openings(1.0);
-        let table = window_integral(&openings, 6e-6);
-        let rise = f64::from(table[table.len() - 1] - table[0]);
+        let Windows { integral, .. } = windows(30e-6, 6e-6);
+        let rise = f64::from(integral[integral.len() - 1] - integral[0]);
         assert!((rise - 30e-6).abs() < 1e-10, "{rise}");
-        assert!(table.is_sorted());
+        assert!(integral.is_sorted());
+    }
+
+    /// Light over seven windows that moves by a period changes in the outer ones alone.
+    #[test]
+    fn light_over_many_windows_changes_where_it_ends() {
+        let landed = |at: f32| Landed { light: 1.0, at };
+        for blur in [1e-9, 6e-6] {
+            let change = windows(30e-6, blur).change(0, [0.0, 150e-6].map(landed), 525e-6);
+            assert!((change - 30.0 / 1050.0).abs() < 1e-4, "{change}");
+        }
+        // Beside the detector nothing is recorded.
+        let change = windows(30e-6, 6e-6).change(0, [1500e-6, 1650e-6].map(landed), 10e-6);
+        assert_eq!(change.to_bits(), 0.0_f32.to_bits());
+    }
+
+    /// A spot of two pixels: of light at a place the windows pass all, also those more than two pixels away, and a
+    /// change is largest in one of these.
+    #[test]
+    fn a_wide_blur_takes_light_to_windows_far_away() {
+        let windows = windows(150e-6, 300e-6);
+        let passed: f32 = (-15..=15).map(|k| windows.passed(k as f32 * 150e-6, 1e-6, 0.0)).sum();
+        assert!((passed - 1.0).abs() < 1e-4, "{passed}");
+        let far = windows.passed(450e-6, 1e-6, 0.0);
+        // The density of the spot at 1.5 standard deviations, times half of one.
+        assert!((far / (0.5 * 0.1295) - 1.0).abs() < 0.03, "{far}");
     }
 }

@@ -5,7 +5,7 @@ use super::kernels::WaveKernels;
 use super::line::{Line, LineRays};
 use super::plan::WavePlan;
 use crate::illuminate::fit;
-use crate::lines::{Heights, Judged};
+use crate::lines::{Heights, Judged, Values};
 use crate::sampling::Lattice;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
@@ -32,8 +32,8 @@ pub(super) struct LineLight {
 }
 
 impl Judged for LineLight {
-    fn values(&self) -> &[f32] {
-        &self.light
+    fn values(&self) -> Values<'_> {
+        Values { first: 0, values: &self.light }
     }
 }
 

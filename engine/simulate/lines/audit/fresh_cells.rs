@@ -2,7 +2,7 @@
 
 use super::super::even::{EvenCell, EvenPatch};
 use super::super::line::Piece;
-use super::{Auditor, Part, plain};
+use super::{Auditor, LandedLight, Part, plain};
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::numbers::single;
@@ -25,7 +25,7 @@ pub(super) struct FreshCells {
 
 /// Patches of evenly spread rays.
 impl Auditor<'_> {
-    fn light_of_even(&self, patch: &EvenPatch) -> Vec<f64> {
+    fn light_of_even(&self, patch: &EvenPatch) -> LandedLight {
         let cells: Vec<EvenCell> = patch.cells().collect();
         let piece = |(at, cell): (u32, &EvenCell)| Piece {
             interval: at,
@@ -36,7 +36,7 @@ impl Auditor<'_> {
             let z = cells[piece.interval as usize].z.map(f64::from);
             Part { z, weight: z[1] - z[0] }
         };
-        let mut sums = vec![0.0; self.values()];
+        let mut sums = self.no_light();
         self.add_light([patch.beamlet, patch.row], &pieces, part, &mut sums);
         sums
     }
@@ -70,7 +70,7 @@ impl Auditor<'_> {
     }
 
     /// Light of a patch less that of rays at random places.
-    pub(super) fn difference_of_even(&self, patch: &EvenPatch, cells: &[EvenCell]) -> Vec<f64> {
+    pub(super) fn difference_of_even(&self, patch: &EvenPatch, cells: &[EvenCell]) -> LandedLight {
         let mut sums = self.light_of_even(patch);
         // Light at its place alone: a mask step may open a part of its cell.
         let piece = |(at, cell): (u32, &EvenCell)| {

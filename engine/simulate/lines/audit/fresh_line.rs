@@ -4,7 +4,8 @@ use super::super::even::seen;
 use super::super::heights::Interval;
 use super::super::line::{LinePlace, NARROWEST, PER_JUMP, Piece, open_share};
 use super::super::patches::LinePatch;
-use super::{Auditor, Drawn, Part, SETS, Sampled, plain};
+use super::{Auditor, Drawn, LandedLight, Part, SETS, Sampled, plain};
+use crate::sampling::Landed;
 use crate::trace::Tracer;
 use beamlet_core::numbers::single;
 use beamlet_core::random::Draws;
@@ -250,12 +251,13 @@ impl Auditor<'_> {
     fn errors(&self, column: usize, rays: &[FreshRay]) -> Vec<f64> {
         let response = self.view.response;
         let change = |at: f64, a: &RayResult, b: &RayResult| {
-            let light = [a, b].map(|it| response.hardening.light(it.optical_depth));
-            let [own, other] =
-                [a, b].map(|it| response.landing(column, single(at), it.displacement_x));
-            let change = response.change(column, [light[0], own], [light[1], other], 0.0);
+            let landed = [a, b].map(|it| Landed {
+                light: response.hardening.light(it.optical_depth),
+                at: response.landing(column, single(at), it.displacement_x),
+            });
+            let change = response.change(column, landed, 0.0);
             let rows = (self.view.down(a) - self.view.down(b)).abs().min(1.0);
-            f64::from(change.max(rows * light[0].max(light[1])))
+            f64::from(change.max(rows * landed[0].light.max(landed[1].light)))
         };
         let open = |x: [f64; 2]| {
             let share = response.lit(single(open_share(&self.openings[column], x)));
@@ -289,8 +291,8 @@ impl Auditor<'_> {
     }
 
     /// Light of the patch at the place of a line less that of the line, for the part of the row that it represents.
-    pub(super) fn difference(&self, line: &FreshLine, patch: &Sampled<'_>) -> Vec<f64> {
-        let mut sums = vec![0.0; self.values()];
+    pub(super) fn difference(&self, line: &FreshLine, patch: &Sampled<'_>) -> LandedLight {
+        let mut sums = self.no_light();
         let Sampled::Lines(patch) = patch else { return sums };
         let place = [patch.beamlet, patch.row];
         let part =

@@ -9,8 +9,8 @@ const LIMITS: Limits =
     Limits { error: 1e-4, lines: 1000, reach: 0.0, uneven: Uneven::Never, least: LEAST_OF_RAYS };
 
 impl Judged for Vec<f32> {
-    fn values(&self) -> &[f32] {
-        self
+    fn values(&self) -> Values<'_> {
+        Values { first: 0, values: self }
     }
 }
 
@@ -24,6 +24,37 @@ fn lines(of: impl Fn(f64) -> f64, features: &Features, limits: Limits) -> Height
         }
         // A second value has less light.
         heights.add(wanted.iter().map(|z| vec![single(0.5 * of(*z)), single(of(*z))]));
+    }
+}
+
+/// All light of a line in one window.
+#[derive(Debug, Clone)]
+struct InWindow {
+    number: i64,
+    light: [f32; 1],
+}
+
+impl Judged for InWindow {
+    fn values(&self) -> Values<'_> {
+        Values { first: self.number, values: &self.light }
+    }
+}
+
+/// Light that moves to any other window, however far away, moves at a height that is found.
+#[test]
+fn light_that_moves_to_another_window_is_a_jump() {
+    for number in [-1, 5, 100] {
+        let mut heights = Heights::new(&EVEN, LIMITS);
+        while heights.wanted().next().is_some() {
+            let wanted: Vec<f64> = heights.wanted().collect();
+            let line =
+                |z: &f64| InWindow { number: if *z < 0.37 { 0 } else { number }, light: [0.2] };
+            heights.add(wanted.iter().map(line));
+        }
+        let weights = heights.weights(sharp([0.0, 1.0]));
+        let is_first = |line: &InWindow| f64::from(u8::from(line.number == 0));
+        let share: f64 = heights.light().zip(weights).map(|(line, it)| it * is_first(line)).sum();
+        assert!((0.2 * (share - 0.37)).abs() < 2.0 * LIMITS.error, "{number}: {share}");
     }
 }
 
@@ -87,8 +118,8 @@ impl OfSamples {
 }
 
 impl Judged for OfSamples {
-    fn values(&self) -> &[f32] {
-        &self.values
+    fn values(&self) -> Values<'_> {
+        Values { first: 0, values: &self.values }
     }
 
     fn draws(&self) -> Option<super::Draws> {
