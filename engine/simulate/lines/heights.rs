@@ -14,14 +14,13 @@ use beamlet_core::numbers;
 /// Part of the larger of both bends of an interval that counts, per height of the interval beside where that is lower:
 /// a jump in that interval bends light, too, and three lines may be in line by chance.
 const PER_LARGER: f64 = 0.25;
-/// Least bend of an interval that has one beside it over the slope of its light: three lines may be in line by chance.
+/// Least bend of an interval that has one beside it over the slope of its light: three lines may be in line by chance;
+/// with 1/4 light that changes evenly takes more lines
+/// (`light_that_changes_evenly_takes_few_lines_and_fills_windows_exactly`).
 const PER_SLOPE: f64 = 1.0 / 6.0;
 /// Part of its light that an interval may hide where light jumps in it: while an edge nearly along x crosses an
 /// aperture, light may be anywhere (`light_of_edges_that_cross_an_aperture_within_little_height_is_found`).
 const HIDDEN: f64 = 0.5;
-/// Height of an interval that hides no light, rows: an edge along x within it leans by less than 0.3 degrees over a
-/// fifth of a row.
-const LEAST_HIDING: f64 = 1.0 / 1024.0;
 /// Slope of light beside a jump over that of the jump, at most.
 const BESIDE_JUMP: f64 = 0.25;
 /// Part of the squared limit of errors that intervals which stay whole may have: where a few jumps have most of the
@@ -38,11 +37,9 @@ const FLAT: f64 = 1.0 / 32.0;
 /// Most jumps of a row with lines of their own, or that may hide light: light that jumps more often swings, and its
 /// bends tell its error.
 const MOST_JUMPS: usize = 4;
-/// Most lines at ends of bodies that are not flat: of few bodies each end counts, of many the light between lines varies
-/// anyway.
-const MOST_LIDS: usize = 12;
-/// Most intervals of a row before its first light.
-const MOST_PARTS: f64 = 26.0;
+/// Most intervals of a row before its first light, and lines at ends of bodies that are not flat: of few bodies each end
+/// counts, of many the light between lines varies anyway.
+const MOST_PARTS: u32 = 26;
 
 /// Light of a line, as heights are judged by it.
 pub(crate) trait Judged {
@@ -249,7 +246,7 @@ impl<L: Judged + Clone> Heights<L> {
                 light_alone: false,
             };
         }
-        let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_PARTS);
+        let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_PARTS.into());
         let parts: u32 = numbers::whole((1.0 / features.height).ceil().clamp(2.0, room));
         let even = (0..=parts).map(|part| f64::from(part) / f64::from(parts));
         let mut jumps = jumps(&features.ends, limits.least);
@@ -257,7 +254,7 @@ impl<L: Judged + Clone> Heights<L> {
             jumps.clear();
         }
         let is_beside = |z: &f64| jumps.iter().all(|[low, high]| z <= low || z >= high);
-        let lids = features.lids.iter().copied().take(MOST_LIDS);
+        let lids = features.lids.iter().copied().take(MOST_PARTS as usize);
         let mut heights: Vec<f64> = even.chain(lids).filter(is_beside).collect();
         heights.extend(jumps.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
         heights.sort_unstable_by(f64::total_cmp);
@@ -488,7 +485,7 @@ impl<L: Judged + Clone> Heights<L> {
                     && above.iter().chain(&below).all(is_level);
             }
         }
-        let hides = is_jump && own.height > LEAST_HIDING;
+        let hides = is_jump && own.height > LEAST_OF_RAYS;
         let uneven = self.limits.uneven.error(own.height) * change;
         let bends = (PER_JUMP * own.height * own.height * worst).hypot(uneven);
         let hidden = if hides { PER_JUMP * own.height * HIDDEN * most } else { 0.0 };
@@ -522,7 +519,7 @@ impl<L: Judged + Clone> Heights<L> {
             .map(|step| if alone { own.height * slope(own, step).abs() } else { jump(step) });
         let error = PER_JUMP * most.fold(0.0, f64::max) * (own.height / reach).min(1.0);
         let moved = own.moved.into_iter().flatten().fold(0.0_f32, |most, it| most.max(it.abs()));
-        let hides = own.is_broken && own.height > LEAST_HIDING && own.farthest > 0.0;
+        let hides = own.is_broken && own.height > LEAST_OF_RAYS && own.farthest > 0.0;
         let share = if hides { (own.height / own.farthest).min(1.0) } else { 0.0 };
         [error, PER_JUMP * f64::from(moved) * share]
     }

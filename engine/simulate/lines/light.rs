@@ -3,14 +3,10 @@
 use super::heights::{Draws, Judged};
 use super::line::{PER_JUMP, Piece, Source, open_share};
 use super::window_light::{Values, WindowLight};
-use crate::sampling::{Landed, Opening, ViewContext};
+use crate::sampling::{Landed, NO_LIGHT, Opening, ViewContext};
+use crate::trace::component_hash;
 use beamlet_core::numbers::{self, single};
 use std::ops::Range;
-
-/// Rows beyond the recorded ones within which light counts: it may land otherwise between two lines.
-const BESIDE: f64 = 1.0;
-/// Standard deviations of the blur over rows that are recorded.
-const BLURS: f64 = 3.0;
 
 /// Part of the light that materials spread: all parts of a piece move alike, so that pieces add up to the light of a
 /// piece that they divide.
@@ -21,8 +17,6 @@ struct SpreadPart {
     share: f32,
 }
 
-/// Light that nothing spreads.
-const NARROW: [SpreadPart; 1] = [SpreadPart { deviations: 0.0, share: 1.0 }];
 /// Gauss-Hermite points: windows are of ninth degree at most over the spread.
 const SPREAD: [SpreadPart; 5] = [
     SpreadPart { deviations: 0.0, share: 8.0 / 15.0 },
@@ -104,7 +98,8 @@ pub(crate) struct Illumination<'a> {
 impl<'a> Illumination<'a> {
     pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
         let recorded = view.recorded_rows();
-        let beside = BESIDE + BLURS * view.lattice.row_blur();
+        // Light may land in the row beside between two lines.
+        let beside = 1.0 + NO_LIGHT * view.lattice.row_blur();
         // An error of the mean displacement, times the light of the widest opening, counts as one of light.
         let open = view.response.openings(0);
         let widest = open.iter().map(|it| it.x[1] - it.x[0]).fold(0.0, f32::max);
@@ -152,8 +147,7 @@ impl<'a> Illumination<'a> {
         light.farthest = refracted.map(|piece| self.down(piece).abs()).fold(0.0, f32::max);
         for same in pieces.chunk_by(|a, b| a.result.signature == b.result.signature) {
             light.is_cut |= same.len() < pieces.len();
-            light.structure =
-                light.structure.wrapping_mul(HASH).wrapping_add(same[0].result.signature ^ 1);
+            light.structure = component_hash(light.structure ^ same[0].result.signature);
         }
         let squares =
             (0..pieces.len()).map(|at| self.error_of(column, openings, &pieces, at).powi(2));
@@ -243,14 +237,7 @@ impl<'a> Illumination<'a> {
     }
 
     /// Adds a share of the light of a piece through an opening, parts of a spectrum apart.
-    fn add(
-        &self,
-        column: usize,
-        piece: &Piece,
-        share: f32,
-        opening: &Opening,
-        to: &mut LitLine,
-    ) {
+    fn add(&self, column: usize, piece: &Piece, share: f32, opening: &Opening, to: &mut LitLine) {
         let response = self.view.response;
         let steps = response.steps();
         let width = piece.width();
@@ -269,7 +256,11 @@ impl<'a> Illumination<'a> {
         let displacement = between(piece.displacement);
         let [low, high] = between(piece.scattering);
         let deviation = (0.5 * (low + high)).max(0.0).sqrt();
-        let spread = if deviation > 0.0 { &SPREAD[..] } else { &NARROW[..] };
+        let spread = if deviation > 0.0 {
+            &SPREAD[..]
+        } else {
+            &[SpreadPart { deviations: 0.0, share: 1.0 }]
+        };
         let (mut moved, step) = (0.0, opening.step as usize);
         let [shares, ratios] = response.hardening.refraction();
         for (part, ratio) in shares.into_iter().zip(ratios).filter(|(part, _)| *part > 0.0) {
@@ -353,6 +344,3 @@ impl<'a> Illumination<'a> {
         PER_JUMP * most * f64::from(response.weight * open)
     }
 }
-
-/// Factor of a hash (FNV).
-const HASH: u32 = 0x0100_0193;

@@ -8,14 +8,15 @@ use crate::sampling::{Opening, SurfaceStep, ViewContext};
 use crate::trace::FIRST_ORDER_ERROR;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{ROUGH_GRAZING, RayResult};
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use std::ops::Range;
 
-/// Narrower pieces, m, are left to those beside them.
+/// Narrower pieces, m, are left to those beside them; rays at the end of a section of a curved surface are computed this
+/// far inside it.
 const THINNEST: f64 = 1e-13;
 /// Change of the optical depth over a piece: light is linear in a cell.
 const STEEPEST: f64 = 0.1;
-/// Most pieces of an interval between ends of facets, to begin with.
+/// Most pieces of an interval between ends of facets to begin with, and rays of a piece that draw normals.
 const MOST_PARTS: f64 = 64.0;
 /// Error by light of a piece of curved surfaces that is straight, share of the budget.
 const CURVED: f64 = 0.01;
@@ -23,23 +24,42 @@ const CURVED: f64 = 0.01;
 const MOVED: f64 = 0.25;
 /// Error by light of the change of a variance over a piece, which has its mean, share of the budget.
 const WIDENED: f64 = 0.1;
-/// Most halvings of an interval of curved surfaces.
-const MOST_HALVINGS: u32 = 14;
 /// Least cosine of incidence at a smooth normal, as in `shaders/walk/smooth.glsl`.
 const HORIZON: f64 = 1e-4;
-/// Rays at the end of a section are computed this far inside it, share of its width.
-const INSIDE: f64 = 1e-10;
-/// Most rays of a piece that draw normals.
-const MOST_DRAWS: f64 = 64.0;
 /// Error by light of a piece near grazing that needs no exact ray, share of the budget.
 const NEGLIGIBLE: f64 = 0.03;
 
-/// Numbers of a ray: optical depth, displacement on the analyser and change of slope along x and z, and variance of the
-/// displacement along x by rough surfaces and by materials that scatter.
-type Numbers = [f64; NUMBERS];
-const NUMBERS: usize = 7;
-/// Place of the variance by materials.
-const SCATTERING: usize = 6;
+/// Change of a ray by surfaces.
+#[derive(Debug, Clone, Copy, Default)]
+struct Change {
+    depth: f64,
+    /// Displacement on the analyser along x and z, m.
+    displacement: DVec2,
+    /// Of the slope along x and z.
+    slope: DVec2,
+    /// Variance of the displacement along x by rough surfaces, m2.
+    roughness: f64,
+    /// The same by materials that scatter, m2.
+    scattering: f64,
+}
+
+impl Change {
+    /// With a share of another.
+    fn plus(self, other: &Self, share: f64) -> Self {
+        Self {
+            depth: self.depth + other.depth * share,
+            displacement: self.displacement + other.displacement * share,
+            slope: self.slope + other.slope * share,
+            roughness: self.roughness + other.roughness * share,
+            scattering: self.scattering + other.scattering * share,
+        }
+    }
+
+    /// At a share of the way to another.
+    fn towards(self, other: &Self, share: f64) -> Self {
+        self.plus(&other.plus(&self, -1.0), share)
+    }
+}
 
 /// Section of a surface by the plane of a line.
 #[derive(Debug, Clone, Copy)]
@@ -79,7 +99,7 @@ enum Form<'a> {
 /// Effect of a surface on a ray.
 #[derive(Debug, Clone, Copy, Default)]
 struct Effect {
-    numbers: Numbers,
+    change: Change,
     /// First-order remainder of the displacement, m; 0 where the first order is enough.
     remainder: f64,
     /// The ray draws the normal of a rough surface.
@@ -89,7 +109,7 @@ struct Effect {
 /// Sums over the surfaces that a ray crosses.
 #[derive(Debug, Clone, Copy)]
 struct Sums {
-    numbers: Numbers,
+    change: Change,
     /// First-order remainder of the displacement, m.
     remainder: f64,
     /// The ray draws normals of rough surfaces.
@@ -108,15 +128,15 @@ struct Passage {
 
 impl Default for Sums {
     fn default() -> Self {
-        let numbers = [0.0; NUMBERS];
-        Self { numbers, remainder: 0.0, draws: false, distance: [f64::INFINITY, 0.0] }
+        let distance = [f64::INFINITY, 0.0];
+        Self { change: Change::default(), remainder: 0.0, draws: false, distance }
     }
 }
 
 impl Sums {
     /// Adds a surface at a distance from the source along y, m.
     fn add(&mut self, effect: &Effect, distance: f64) {
-        self.numbers.iter_mut().zip(effect.numbers).for_each(|(sum, it)| *sum += it);
+        self.change = self.change.plus(&effect.change, 1.0);
         self.remainder += effect.remainder;
         self.draws |= effect.draws;
         self.distance = [self.distance[0].min(distance), self.distance[1].max(distance)];
@@ -340,10 +360,8 @@ impl<'a> SurfaceLines<'a> {
             match &section.form {
                 Form::Flat { ends: [low, high], distance } => {
                     let share = (x - section.x[0]) / width;
-                    let at =
-                        |of: usize| low.numbers[of] + (high.numbers[of] - low.numbers[of]) * share;
                     let effect = Effect {
-                        numbers: std::array::from_fn(at),
+                        change: low.change.towards(&high.change, share),
                         remainder: low.remainder.max(high.remainder),
                         draws: low.draws || high.draws,
                     };
@@ -362,7 +380,7 @@ impl<'a> SurfaceLines<'a> {
                     sums.add(&effect, distance);
                 }
                 Form::Curved { shape, .. } => {
-                    let within = INSIDE * width;
+                    let within = (0.5 * width).min(THINNEST);
                     let x = x.clamp(section.x[0] + within, section.x[1] - within);
                     let slopes = slopes_at(x);
                     let component = shape.component;
@@ -418,14 +436,14 @@ impl<'a> SurfaceLines<'a> {
         let place = |share: f64| interval.place(share, rims);
         let sums = |share: f64| self.sums(interval, place(share));
         let [low, middle, high] = [0.0, 0.5, 1.0].map(sums);
-        let mut waiting = vec![([0.5, 1.0], [middle, high], 1), ([0.0, 0.5], [low, middle], 1)];
-        while let Some((shares, ends, halvings)) = waiting.pop() {
+        let mut waiting = vec![([0.5, 1.0], [middle, high]), ([0.0, 0.5], [low, middle])];
+        while let Some((shares, ends)) = waiting.pop() {
             let half = f64::midpoint(shares[0], shares[1]);
             let x = shares.map(place);
             let middle = sums(half);
-            if halvings < MOST_HALVINGS && self.bends(interval, x, [&ends[0], &middle, &ends[1]]) {
-                waiting.push(([half, shares[1]], [middle, ends[1]], halvings + 1));
-                waiting.push(([shares[0], half], [ends[0], middle], halvings + 1));
+            if self.bends(interval, x, [&ends[0], &middle, &ends[1]]) {
+                waiting.push(([half, shares[1]], [middle, ends[1]]));
+                waiting.push(([shares[0], half], [ends[0], middle]));
             } else {
                 let piece = self.piece(interval, x, &ends, Some(&middle));
                 pieces.extend(piece.parts(self.draws_of(&piece, interval.openings)));
@@ -443,17 +461,17 @@ impl<'a> SurfaceLines<'a> {
         let share = response.lit(single(open_share(interval.openings, x)));
         let whole = width * f64::from(response.weight * share);
         let passed =
-            at.map(|it| f64::from(response.hardening.light(single(it.numbers[0].max(0.0)))));
+            at.map(|it| f64::from(response.hardening.light(single(it.change.depth.max(0.0)))));
         let off = |[low, middle, high]: [f64; 3]| (middle - f64::midpoint(low, high)).abs();
         let most = passed.into_iter().fold(0.0, f64::max);
         let moved = if self.matters(whole * most, at[1].remainder) {
             // Rays go on from here, where all of it is near grazing.
             f64::from(u8::from(at.iter().any(|it| it.remainder <= 0.0)))
         } else {
-            MOVED * off(at.map(|it| it.numbers[1])) * response.steepest()
+            MOVED * off(at.map(|it| it.change.displacement.x)) * response.steepest()
         };
         let error = whole * (off(passed) + most * moved.min(1.0));
-        let widened = self.widening([0, 2].map(|end| at[end].numbers[SCATTERING]));
+        let widened = self.widening([0, 2].map(|end| at[end].change.scattering));
         error > CURVED * self.view.budget.light
             || whole * most * widened > WIDENED * self.view.budget.light
     }
@@ -483,41 +501,36 @@ impl<'a> SurfaceLines<'a> {
         ends: &[Sums; 2],
         middle: Option<&Sums>,
     ) -> Piece {
-        let mut numbers_at = ends.map(|it| it.numbers);
+        let mut changes = ends.map(|it| it.change);
         let remainder = middle.unwrap_or(&ends[0]).remainder;
         if ends.iter().any(|it| it.remainder > 0.0) {
-            self.bound(&mut numbers_at);
+            self.bound(&mut changes);
         }
         if let Some(middle) = middle {
-            for of in 0..NUMBERS {
-                // The mean by Simpson's rule; a ray has the displacement in the middle.
-                let [low, high] = numbers_at.map(|end| end[of]);
-                let off = 2.0 / 3.0 * (middle.numbers[of] - f64::midpoint(low, high));
-                let is_ray = remainder > 0.0 && of > 0;
-                numbers_at = numbers_at.map(|mut end| {
-                    end[of] = if is_ray { middle.numbers[of] } else { end[of] + off };
-                    end
-                });
-            }
+            // The mean by Simpson's rule; a ray has the displacement in the middle.
+            let off = middle.change.plus(&changes[0].towards(&changes[1], 0.5), -1.0);
+            changes = changes.map(|end| {
+                let mean = end.plus(&off, 2.0 / 3.0);
+                if remainder > 0.0 { Change { depth: mean.depth, ..middle.change } } else { mean }
+            });
         }
         // Rounded.
-        let depth = numbers_at.map(|end| single(end[0].max(0.0)));
-        let scattering = numbers_at.map(|end| single(end[SCATTERING].max(0.0)));
-        let [_, displacement_x, displacement_z, slope_x, slope_z, by_roughness, _] =
-            std::array::from_fn(|of| single(f64::midpoint(numbers_at[0][of], numbers_at[1][of])));
+        let depth = changes.map(|end| single(end.depth.max(0.0)));
+        let scattering = changes.map(|end| single(end.scattering.max(0.0)));
+        let mean = changes[0].towards(&changes[1], 0.5);
         let crossed = || interval.crossed.iter();
         let result = RayResult {
             optical_depth: 0.5 * (depth[0] + depth[1]),
-            displacement_x,
-            displacement_z,
-            slope_x,
-            slope_z,
+            displacement_x: single(mean.displacement.x),
+            displacement_z: single(mean.displacement.y),
+            slope_x: single(mean.slope.x),
+            slope_z: single(mean.slope.y),
             signature: crossed().fold(0, |all, it| all.wrapping_add(it.hash)),
             flags: 0,
             crossings: crossed().map(|it| it.crossings).sum(),
-            displacement_variance: by_roughness + 0.5 * (scattering[0] + scattering[1]),
+            displacement_variance: single(mean.roughness) + 0.5 * (scattering[0] + scattering[1]),
         };
-        let displacement = numbers_at.map(|end| single(end[1]));
+        let displacement = changes.map(|end| single(end.displacement.x));
         let nearest = ends[0].distance[0].min(ends[1].distance[0]);
         let extent = single(ends[0].distance[1].max(ends[1].distance[1]) - nearest);
         let mut piece = Piece {
@@ -547,7 +560,7 @@ impl<'a> SurfaceLines<'a> {
             return 1;
         }
         let light = self.light(piece, openings) / self.view.budget.light;
-        numbers::whole(light.ceil().clamp(1.0, MOST_DRAWS))
+        numbers::whole(light.ceil().clamp(1.0, MOST_PARTS))
     }
 
     /// Effect of a surface on the ray of a slope that crosses it. `is_front`: the ray enters.
@@ -567,10 +580,8 @@ impl<'a> SurfaceLines<'a> {
         let bend = step.delta * square / along.abs().max(1e-9);
         // Against the normal that faces the source.
         let facing = if along > 0.0 { -sign } else { sign };
-        let bends = [
-            facing * bend * (normal.x - normal.y * slope[0]),
-            facing * bend * (normal.z - normal.y * slope[1]),
-        ];
+        let across = DVec2::new(normal.x - normal.y * slope[0], normal.z - normal.y * slope[1]);
+        let bends = facing * bend * across;
         let share = along.abs() / length / step.least_cosine.max(1e-30);
         let draws = step.delta != 0.0 && along.abs() < ROUGH_GRAZING * step.roughness * length;
         let remainder = if step.is_open || draws {
@@ -581,11 +592,10 @@ impl<'a> SurfaceLines<'a> {
             0.0
         };
         let depth = -sign * step.mu * length * y;
-        let variance = if step.roughness > 0.0 && !draws {
+        let roughness = if step.roughness > 0.0 && !draws {
             // As `shaders/walk/cross_rough.glsl`.
-            let across = normal.x - normal.y * slope[0];
             let spread = DVec3::new(1.0, -slope[0], 0.0) / along
-                - DVec3::new(slope[0], 1.0, slope[1]) * (across / (along * along));
+                - DVec3::new(slope[0], 1.0, slope[1]) * (across.x / (along * along));
             (step.roughness * square * step.delta * lever).powi(2) * spread.length_squared()
         } else {
             0.0
@@ -594,22 +604,23 @@ impl<'a> SurfaceLines<'a> {
         let arm = self.analyser;
         let squared_arm = y * (arm * (arm - y) + y * y / 3.0) * length * square;
         let scattering = -sign * step.scattering * squared_arm * (1.0 + slope[0] * slope[0]);
-        let [x, z] = bends;
-        let numbers = [depth, x * lever, z * lever, x, z, variance, scattering];
-        Effect { numbers, remainder, draws }
+        let displacement = bends * lever;
+        let change = Change { depth, displacement, slope: bends, roughness, scattering };
+        Effect { change, remainder, draws }
     }
 
     /// Reduces displacements by the first order near grazing incidence to what total reflection makes.
-    fn bound(&self, ends: &mut [Numbers; 2]) {
+    fn bound(&self, ends: &mut [Change; 2]) {
         let (lattice, pitch) = (self.view.lattice, self.view.optics.detector.pitch);
         let farthest = [lattice.halo_columns, lattice.halo].map(|halo| halo as f64);
         for end in ends {
             let over = |axis: usize| {
                 let most = (farthest[axis] - 1.0).max(0.5) * pitch[axis];
-                (end[1 + axis].abs() / most).max(1.0)
+                (end.displacement[axis].abs() / most).max(1.0)
             };
             let factor = over(0).max(over(1)).recip();
-            end[1..5].iter_mut().for_each(|it| *it *= factor);
+            end.displacement *= factor;
+            end.slope *= factor;
         }
     }
 

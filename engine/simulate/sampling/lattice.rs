@@ -1,14 +1,11 @@
 //! The lattice of cells: positions of beamlets in the cell plane, the rays that bound their cells, and
 //! their landing points. All in f64 on the host; the device gets offsets inside an index.
 
-use super::row_spread::RowSpread;
+use super::row_spread::{NO_LIGHT, RowSpread};
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{BeamletGeometry, Ray};
 use beamlet_model::optics::{DetectorPlane, Mask, Optics};
 use std::ops::Range;
-
-/// Total reflection happens up to a grazing angle of sqrt(2 delta) and deflects by twice it.
-const REFLECTION_REACH: f64 = 2.0;
 
 /// The lattice of cells of a scene.
 #[derive(Debug, Clone, PartialEq)]
@@ -49,9 +46,10 @@ pub struct Lattice {
     pub(crate) detector: DetectorPlane,
 }
 
-/// Largest distance over which the sample throws light, in x and z on the detector, m.
+/// Largest distance over which the sample deflects light, in x and z on the detector, m: total reflection happens up to a
+/// grazing angle of sqrt(2 delta) and deflects by twice it.
 fn max_deflection(optics: &Optics, delta: f64) -> f64 {
-    REFLECTION_REACH * (2.0 * delta.abs()).sqrt() * (optics.detector.distance - optics.rotation)
+    2.0 * (2.0 * delta.abs()).sqrt() * (optics.detector.distance - optics.rotation)
 }
 
 /// Least standard deviation of the blur at any edge on the analyser, m: of the detector mask, or
@@ -94,7 +92,8 @@ impl Lattice {
         let blur = [0, 1].map(|axis| spread(axis, optics.rotation) / pitch[axis]);
         // Cells hold the rows' shares of the first part of the spot.
         let first = spot.parts().iter().find(|part| part.weight > 0.0);
-        let first = 6.0 * first.map_or(0.0, |part| beamlet_model::spot::deviation(part.fwhm[1]));
+        let first =
+            NO_LIGHT * first.map_or(0.0, |part| beamlet_model::spot::deviation(part.fwhm[1]));
         let row_blur = optics.rows_of_source(first);
         let halo = numbers::whole::<i64>((deflection / pitch[1] + blur[1]).ceil());
         Self {
@@ -205,7 +204,7 @@ impl Lattice {
     ) -> Option<[f32; 2]> {
         let top = parts.first()?.0[0] + down;
         let bottom = parts.last()?.0[1] + down;
-        let reach = 6.0 * self.row_spread.blur;
+        let reach = self.row_spread.reach();
         if self.row_spread.is_wide() || top - reach < -1.0 || bottom + reach > 2.0 {
             return None;
         }

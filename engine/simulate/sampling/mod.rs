@@ -32,6 +32,7 @@ pub(crate) use patch_grid::PatchGrid;
 pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds, touches_pixel};
 pub(crate) use response::{Opening, Response};
 pub use room::Room;
+pub(crate) use row_spread::NO_LIGHT;
 pub(crate) use rows::{PATCHES_AT_ONCE, sample_rows};
 pub(crate) use sample_facets::{SampleFacets, SurfaceStep};
 pub(crate) use survey::{RowsCost, count_patches, survey_rows};

@@ -1,8 +1,10 @@
 //! How a change of a cell's result changes what pixels record: the openings of the sample mask by
 //! mask step, and the blurred windows of the analyser.
 
+use super::error_budget::safety;
 use super::hardening::Hardening;
 use super::lattice::Lattice;
+use super::row_spread::NO_LIGHT;
 use super::windows::{Landed, Windows};
 use beamlet_core::numbers::single;
 use beamlet_interface::BeamletGeometry;
@@ -13,10 +15,6 @@ use beamlet_model::optics::{Mask, Openings, Optics};
 const AT_EDGE: f64 = 1e-6;
 /// Mask steps closer to one another than this share of an aperture see the same.
 const STEPS_APART: f64 = 1.0 / 16.0;
-/// Bars that let less light through than this share of the tolerance are opaque.
-const NEGLIGIBLE_LEAK: f64 = 0.5;
-/// Standard deviations of the blur of the detector from where light beside it is recorded.
-const FARTHEST_BLUR: f64 = 4.0;
 /// An opening is seen this many standard deviations beyond its edges.
 const SOFT_EDGE: f64 = 2.0;
 
@@ -76,7 +74,8 @@ impl Response {
         let Optics { rotation, analyser, detector, .. } = optics;
         let offsets = &optics.offsets.lists()[list];
         let beamlets = lattice.beamlet_geometry(optics);
-        let least = NEGLIGIBLE_LEAK * optics.sampling.tolerances().light;
+        // Bars that let less light through than lines may err by are opaque.
+        let least = safety(offsets.len()) * optics.sampling.tolerances().light;
         let [leak, window_leak] = leaks.map(|leak| if leak < least { 0.0 } else { single(leak) });
         // Of the whole spot: recorded values are sums over its parts.
         let spot = |part: &beamlet_model::spot::PlacedPart| {
@@ -176,7 +175,7 @@ fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f6
     let to_analyser = optics.analyser / optics.detector.distance;
     let of_detector = optics.column_blur * to_analyser;
     // Light beside the detector is blurred into it.
-    let beside = FARTHEST_BLUR * of_detector;
+    let beside = NO_LIGHT * of_detector;
     let width = f64::from(optics.detector.pixels[0]) * optics.analyser_pixel();
     let ends = |aside: f64| {
         move |c: &BeamletGeometry| {

@@ -3,15 +3,14 @@
 use crate::lines::Piece;
 use beamlet_core::Error;
 
-/// Bytes of lines and of all that is made of them, for each byte of lines.
+/// Bytes of lines and of all that is made of them, for each byte of lines; of the moments of both ends of their cells as
+/// well.
 const BYTES_OF_CELLS: u64 = 6;
 /// Most bytes of lines and of all that is made of them.
 const MOST: u64 = 2 << 30;
-/// Copies of the moments of both ends of a cell while they are made and written.
-const MOMENTS: usize = 4;
 
 /// Memory that lines may hold.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub struct Room {
     /// Memory limit of a run, and its remainder for lines, bytes.
     pub(crate) limit: Option<[u64; 2]>,
@@ -22,8 +21,8 @@ pub struct Room {
 impl Room {
     /// Bytes of all that is made of lines, for each of their bytes.
     fn whole(&self) -> u64 {
-        let moments = (MOMENTS * 2 * self.words * size_of::<f32>()) as u64;
-        BYTES_OF_CELLS + moments.div_ceil(size_of::<Piece>() as u64)
+        let moments = (2 * self.words * size_of::<f32>()) as u64;
+        BYTES_OF_CELLS + (BYTES_OF_CELLS * moments).div_ceil(size_of::<Piece>() as u64)
     }
 
     /// Bytes that lines may hold.

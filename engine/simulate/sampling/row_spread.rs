@@ -3,12 +3,12 @@
 use beamlet_core::numbers::single;
 use std::f64::consts::{PI, SQRT_2};
 
-/// Light farther than this from a border does not cross it, standard deviations of the blur.
-const FARTHEST: f64 = 8.0;
-/// A blur above this share of a row takes light beyond the rows beside.
-const WIDE: f64 = 1.0 / 6.0;
-/// A tilt moves the centroid of an interval by a twelfth of its height.
-const BY_TILT: f64 = 1.0 / 12.0;
+/// Distance from which on a blur takes no light, standard deviations: 1e-9 of it goes farther
+/// (`a_whole_row_loses_the_same_share_on_both_sides`, `a_wide_blur_takes_light_to_windows_far_away`).
+pub(crate) const NO_LIGHT: f64 = 6.0;
+/// Distance from which on integrals of a blur are those of a sharp border, standard deviations: over intervals of 1/65536
+/// row, a second integral that ended at 6 would be 3e-5 off.
+const SHARP: f64 = 8.0;
 
 /// Light of an interval of a row (coordinates in rows, downwards, 0..1 inside the row).
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -22,20 +22,26 @@ pub(super) struct RowSpread {
 pub(super) fn tilt_by_depth(rise: f64) -> f64 {
     let half = 0.5 * rise;
     let langevin = if half.abs() < 1e-2 { half / 3.0 } else { 1.0 / libm::tanh(half) - 1.0 / half };
-    -0.5 * langevin / BY_TILT
+    // A tilt moves the centroid of an interval by a twelfth of its height.
+    -6.0 * langevin
 }
 
 impl RowSpread {
+    /// Distance over which the blur takes light, rows.
+    pub(super) fn reach(self) -> f64 {
+        NO_LIGHT * self.blur
+    }
+
     /// True if the blur takes light of every interval beyond the rows beside.
     pub(super) fn is_wide(self) -> bool {
-        self.blur > WIDE
+        self.reach() > 1.0
     }
 
     /// Shares that land in the row above and in the row below, or `None` where light lands
     /// farther off. `shift` is downwards.
     pub(super) fn shares(self, top: f64, bottom: f64, shift: f64) -> Option<[f32; 2]> {
         let (low, high) = (top + shift, bottom + shift);
-        let reach = 6.0 * self.blur;
+        let reach = self.reach();
         if self.is_wide() || low - reach < -1.0 || high + reach > 2.0 {
             return None;
         }
@@ -75,10 +81,10 @@ fn normal_share(t: f64) -> f64 {
 
 /// The first two antiderivatives of the normal distribution function that vanish far below.
 fn antiderivatives(t: f64) -> [f64; 2] {
-    if t < -FARTHEST {
+    if t < -SHARP {
         return [0.0; 2];
     }
-    let (share, density) = if t > FARTHEST {
+    let (share, density) = if t > SHARP {
         (1.0, 0.0)
     } else {
         (normal_share(t), libm::exp(-0.5 * t * t) / (2.0 * PI).sqrt())
@@ -88,10 +94,10 @@ fn antiderivatives(t: f64) -> [f64; 2] {
 
 /// Antiderivative of the normal distribution function: t Phi(t) + phi(t).
 fn ramp(t: f64) -> f64 {
-    if t > 8.0 {
+    if t > SHARP {
         return t;
     }
-    if t < -8.0 {
+    if t < -SHARP {
         return 0.0;
     }
     // Most light is hardly moved in z: the series is exact to 1e-13 there, and much faster.

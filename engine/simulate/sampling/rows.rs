@@ -17,8 +17,6 @@ const ROWS_TOGETHER: i64 = 4;
 pub(crate) const PATCHES_AT_ONCE: usize = 1 << 10;
 /// Patches of many bodies, which may have many rays, that are sampled together.
 const CROWDED_AT_ONCE: usize = 64;
-/// Cell rows without a sample that are handed over at once.
-const BLANK_AT_ONCE: usize = 1 << 12;
 
 /// Takes cell rows as they are ready; may trace with the tracer that it is lent.
 pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<()>;
@@ -82,7 +80,7 @@ fn take_blank(
     let cell = empty_cell(view.lattice);
     let words = view.recording.as_ref().map_or(0, |recording| recording.words());
     let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
-    for cell_rows in blank_cell_rows(view.lattice, blank).chunks(BLANK_AT_ONCE) {
+    for cell_rows in blank_cell_rows(view.lattice, blank).chunks(PATCHES_AT_ONCE) {
         let mut part = CellBatch::default();
         cell_rows.iter().for_each(|cell_row| part.push(*cell_row, &[cell], &none));
         take(tracer, &part)?;

@@ -12,9 +12,6 @@ use beamlet_core::{Result, numbers};
 use std::ops::Range;
 use std::time::Instant;
 
-/// A survey takes as much memory as a run without a limit.
-const ROOM: Room = Room { limit: None, words: 0 };
-
 /// Takes cells as [`super::rows::Take`] does, and returns the seconds that a run takes for them
 /// beyond those that it took itself.
 pub(crate) type TakePart<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<f64>;
@@ -89,7 +86,14 @@ pub(crate) fn survey_rows(
             Ok(())
         };
         let ignored = &mut |_: &Tracer, _| {};
-        sample_patches(view, tracer, (&chosen, &places), (lit, &ROOM), &mut keep, ignored)?;
+        sample_patches(
+            view,
+            tracer,
+            (&chosen, &places),
+            (lit, &Room::default()),
+            &mut keep,
+            ignored,
+        )?;
         let spent = begin.elapsed().as_secs_f64() + beyond;
         let scale = patches.len() as f64 / chosen.len() as f64;
         cost.patches += patches.len() as f64;
@@ -124,7 +128,7 @@ pub(crate) fn count_patches(
     };
     let chosen = spread(&touched, most, start);
     let ignored = &mut |_: &Tracer, _| {};
-    sample_patches(view, tracer, (&chosen, &places), (lit, &ROOM), &mut add, ignored)?;
+    sample_patches(view, tracer, (&chosen, &places), (lit, &Room::default()), &mut add, ignored)?;
     Ok(tally)
 }
 

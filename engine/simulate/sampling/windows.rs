@@ -1,13 +1,12 @@
 //! Windows on the analyser: the blurred apertures of the detector mask, or pixels, one to a period.
 
+use super::row_spread::NO_LIGHT;
 use beamlet_core::numbers::{self, single};
 use beamlet_model::optics::Openings;
 use std::ops::RangeInclusive;
 
 /// Points of a table of windows per period of the windows.
 const WINDOW_POINTS: usize = 512;
-/// Light farther than this beyond the end of a window does not pass it, standard deviations of the blur.
-const FARTHEST: f64 = 6.0;
 
 /// Windows of one width and period.
 #[derive(Debug, Clone)]
@@ -56,7 +55,7 @@ impl Windows {
         };
         let is_sharp = blur * WINDOW_POINTS as f64 <= period;
         let end = openings.ends().flatten().fold(0.0, |m: f64, end| m.max(end.abs()));
-        let reach = end + FARTHEST * blur;
+        let reach = end + NO_LIGHT * blur;
         let table_reach = (reach / period).ceil();
         Self {
             share,
@@ -135,7 +134,7 @@ fn window_integral(openings: &Openings, blur: f64, reach: usize) -> Vec<f32> {
     // Second antiderivative of the Gaussian.
     let ramp = |x: f64| {
         let t = x / blur;
-        if t.abs() > 8.0 {
+        if t.abs() > NO_LIGHT {
             return x.max(0.0);
         }
         let density = libm::exp(-0.5 * t * t) / (2.0 * std::f64::consts::PI).sqrt();

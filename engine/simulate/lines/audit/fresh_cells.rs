@@ -1,7 +1,7 @@
 //! Rays at random places of the cells of a patch of evenly spread rays.
 
 use super::super::even::{EvenCell, EvenPatch};
-use super::super::line::Piece;
+use super::super::line::{NARROWEST, Piece};
 use super::{Auditor, LandedLight, Part, plain};
 use crate::trace::Tracer;
 use beamlet_core::Result;
@@ -9,9 +9,6 @@ use beamlet_core::numbers::single;
 use beamlet_core::random::Draws;
 use beamlet_interface::Ray;
 use rayon::prelude::*;
-
-/// Half the width of the light of a ray at its place, m.
-const POINT: f64 = 1e-9;
 
 /// Cells of a set of an even patch.
 pub(super) struct FreshCells {
@@ -75,13 +72,13 @@ impl Auditor<'_> {
         // Light at its place alone: a mask step may open a part of its cell.
         let piece = |(at, cell): (u32, &EvenCell)| {
             let x = f64::from(cell.ray[0]);
-            Piece { interval: at, ..plain([x - POINT, x + POINT], cell.result) }
+            Piece { interval: at, ..plain([x - 0.5 * NARROWEST, x + 0.5 * NARROWEST], cell.result) }
         };
         let pieces: Vec<Piece> = (0..).zip(cells).map(piece).collect();
         let part = |piece: &Piece| {
             let cell = &cells[piece.interval as usize];
             let [width, height] = [cell.x, cell.z].map(|[low, high]| f64::from(high - low));
-            Part { z: [cell.ray[1].into(); 2], weight: -height * width / (2.0 * POINT) }
+            Part { z: [cell.ray[1].into(); 2], weight: -height * width / NARROWEST }
         };
         self.add_light([patch.beamlet, patch.row], &pieces, part, &mut sums);
         sums

@@ -31,8 +31,6 @@ const NEGLIGIBLE: f64 = 0.002;
 /// Error of light that is linear between three rays, over what the middle one is off the line through the others: it is
 /// off by a quarter between two, on average by two thirds of that.
 const PER_BEND: f64 = 1.0 / 6.0;
-/// Most rounds of rays.
-const ROUNDS: usize = 8;
 /// Most rays of a line.
 const MOST_RAYS: usize = 2000;
 
@@ -160,7 +158,7 @@ impl Auditor<'_> {
 
     /// Traces rays until lines are resolved.
     pub(super) fn trace(&self, tracer: &mut Tracer, lines: &mut [FreshLine]) -> Result<()> {
-        for _ in 0..ROUNDS {
+        loop {
             tracer.cancel().check()?;
             let rays: Vec<_> = lines.iter_mut().flat_map(FreshLine::open_rays).collect();
             if rays.is_empty() {
@@ -168,10 +166,6 @@ impl Auditor<'_> {
             }
             self.trace_rays(tracer, rays)?;
             lines.par_iter_mut().filter(|line| !line.is_random).for_each(|line| self.divide(line));
-        }
-        // Rays of the last round that are not traced.
-        for part in lines.iter_mut().flat_map(|line| &mut line.parts) {
-            part.retain(|ray| ray.result.is_some());
         }
         Ok(())
     }
