@@ -9,11 +9,17 @@
 //! then being a random sample. The change to the ray after the next decides between the two: it is twice as large if
 //! jumps are few, and no larger if nothing is resolved.
 
+mod changes;
+mod columns;
+
 use super::line::{NARROWEST, PER_JUMP};
 use crate::sampling::{Landed, Opening, ViewContext};
 use beamlet_core::numbers::{self, single};
 use beamlet_core::random::GOLDEN;
 use beamlet_interface::{Ray, RayResult};
+use changes::Changes;
+pub(super) use columns::seen;
+use columns::{columns, part};
 use std::ops::Range;
 
 /// Crossings of a ray, on average, from which on structure may be too fine for rays.
@@ -163,45 +169,6 @@ impl Sample {
     fn is_beside(&self, other: &Self, apart: usize, lines: u32) -> bool {
         let distance = other.x - self.x;
         distance * lines as f32 <= (apart as f32 + 0.5) * self.width().min(other.width())
-    }
-}
-
-/// Mean squares of changes of the light at one mask step.
-#[derive(Debug, Clone, Copy, Default)]
-struct Changes {
-    /// To the next ray, weighted by the squares of areas; and to the one after it.
-    squares: [f64; 2],
-    /// Weights of both.
-    weights: [f64; 2],
-    /// Squares of all areas.
-    areas: f64,
-}
-
-impl Changes {
-    /// Error of the light.
-    fn error(&self) -> f64 {
-        let least = PER_JUMP * PER_JUMP;
-        let [near, growth] = self.near_and_growth();
-        (self.areas * near * (least + (0.5 - least) * (2.0 - growth))).sqrt()
-    }
-
-    /// Mean square of the change to the next ray, and how much more that to the one after it is: 2 where jumps are
-    /// few, 1 where nothing is resolved.
-    fn near_and_growth(&self) -> [f64; 2] {
-        let [near, far] = [0, 1].map(|it| self.squares[it] / self.weights[it]);
-        if near > 0.0 && far.is_finite() {
-            [near, (far / near).clamp(1.0, 2.0)]
-        } else {
-            [if near > 0.0 { near } else { 0.0 }, 1.0]
-        }
-    }
-
-    /// Factor by which the number of rays has to grow for an error that is smaller by the factor `less`. The square of
-    /// the error is inverse to the number of rays, and proportional to the mean square of the change from one to the
-    /// next.
-    fn times(&self, less: f64) -> f64 {
-        let [_, growth] = self.near_and_growth();
-        less.powf(2.0 / (1.0 + growth.log2()))
     }
 }
 
@@ -405,120 +372,5 @@ impl<'a> EvenSampler<'a> {
             }
         }
         steps
-    }
-}
-
-/// Borders of columns, m: of about `count`, as wide as one another over those parts of the period that
-/// lie in an opening, and wider where bars let a share `leak` of the light through. A part that gets no
-/// light is one column. `half`: half the period.
-fn columns(openings: &[Opening], half: f32, leak: f32, count: u32) -> Vec<f32> {
-    let seen = seen(openings);
-    let open: f32 = seen.iter().map(|[low, high]| high - low).sum();
-    let width = (open + leak * (2.0 * half - open).max(0.0)) / count as f32;
-    let parts = |[low, high]: [f32; 2], width: f32| {
-        numbers::whole::<u32>(f64::from(((high - low) / width).round().max(1.0)))
-    };
-    let mut borders = vec![-half];
-    let dark = |borders: &mut Vec<f32>, high: f32| {
-        let low = borders[borders.len() - 1];
-        let count = if leak > 0.0 { parts([low, high], width / leak) } else { 1 };
-        borders.extend((1..=count).map(|i| part([low, high], i - 1, count)[1]));
-    };
-    for [low, high] in seen {
-        let first = borders[borders.len() - 1];
-        // No sliver at the border of the period.
-        let low = if low - first > 0.5 * width { low } else { first };
-        if low > first {
-            dark(&mut borders, low);
-        }
-        let parts = parts([low, high], width);
-        borders.extend((1..=parts).map(|i| part([low, high], i - 1, parts)[1]));
-    }
-    let last = borders.len() - 1;
-    if half - borders[last] > 0.5 * width {
-        dark(&mut borders, half);
-    } else {
-        borders[last] = half;
-    }
-    borders
-}
-
-/// Intervals of x that openings show together; they do not touch.
-pub(super) fn seen(openings: &[Opening]) -> Vec<[f32; 2]> {
-    let mut sorted: Vec<[f32; 2]> = openings.iter().map(|opening| opening.x).collect();
-    sorted.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut seen: Vec<[f32; 2]> = Vec::new();
-    for [low, high] in sorted {
-        match seen.last_mut() {
-            Some(last) if low <= last[1] => last[1] = last[1].max(high),
-            _ => seen.push([low, high]),
-        }
-    }
-    seen
-}
-
-/// Part of an interval that is cut in `count` equal ones.
-fn part(range: [f32; 2], index: u32, count: u32) -> [f32; 2] {
-    let at = |i: u32| {
-        if i == count {
-            range[1]
-        } else {
-            range[0] + (range[1] - range[0]) * (i as f32 / count as f32)
-        }
-    };
-    [at(index), at(index + 1)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Changes between `count` values, all of one area.
-    fn changes(count: u32, value: impl Fn(u32) -> f64) -> Changes {
-        let squares = |apart: u32| -> f64 {
-            (0..count - apart).map(|i| (value(i + apart) - value(i)).powi(2)).sum()
-        };
-        Changes {
-            squares: [squares(1), squares(2)],
-            weights: [f64::from(count - 1), f64::from(count - 2)],
-            areas: f64::from(count),
-        }
-    }
-
-    #[test]
-    fn error_is_that_of_a_jump_between_two_rays_and_that_of_samples() {
-        let close = |got: f64, want: f64| assert!((got / want - 1.0).abs() < 0.05, "{got} {want}");
-        // Anywhere between two of 100 rays: a share of one area, spread evenly.
-        let jump = changes(100, |i| f64::from(u8::from(i > 30)));
-        close(jump.error(), (1.0_f64 / 12.0).sqrt());
-        close(jump.times(3.0), 3.0);
-        // Values of 0 and 1 by chance have a variance of 1/4 each.
-        let random = |i: u32| f64::from(i.wrapping_mul(0x9e37_79b9).reverse_bits() >> 7 & 1);
-        let hashed = |i: u32| random(i.wrapping_mul(0x85eb_ca6b) ^ (i << 13 | i >> 3));
-        let samples = changes(40_000, hashed);
-        close(samples.error(), 0.5 * 200.0);
-        close(samples.times(3.0), 9.0);
-        assert_eq!(changes(10, |_| 1.0).error().to_bits(), 0.0_f64.to_bits());
-    }
-
-    #[test]
-    fn columns_cover_the_period_and_are_even_where_it_is_open() {
-        let opening = |low, high| Opening { step: 0, x: [low, high] };
-        let openings = [opening(-20e-6, -5e-6), opening(-10e-6, 5e-6), opening(30e-6, 40e-6)];
-        let borders = columns(&openings, 50e-6, 0.0, 35);
-        let ends = [borders[0], borders[borders.len() - 1]];
-        assert_eq!(ends.map(f32::to_bits), [-50e-6_f32, 50e-6].map(f32::to_bits));
-        let widths: Vec<f32> = borders.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        // 35 of 1 um, and the gaps before, between and behind them.
-        let even = widths.iter().filter(|width| (**width - 1e-6).abs() < 1e-9).count();
-        assert_eq!([even, widths.len()], [35, 38]);
-        // Where bars let a quarter of the light through columns are four times as wide.
-        let borders = columns(&openings, 50e-6, 0.25, 205);
-        let widths: Vec<f32> = borders.windows(2).map(|pair| pair[1] - pair[0]).collect();
-        let count = |low: f32, high: f32| {
-            widths.iter().filter(|width| (low..high).contains(*width)).count()
-        };
-        assert_eq!([count(0.24e-6, 0.26e-6), count(0.9e-6, 1.1e-6)], [140, 65]);
-        assert_eq!(widths.len(), 205);
     }
 }

@@ -6,37 +6,23 @@
 //! until the bends of its light are within the tolerance. A height at which light jumps has two lines, just above and
 //! just below it.
 
-use super::line::PER_JUMP;
-use super::window_light::{Values, places};
-use crate::sampling::ProjectedBounds;
-use beamlet_core::numbers;
+mod draws;
+mod estimate;
+mod features;
 
-/// Part of the larger of both bends of an interval that counts, per height of the interval beside where that is lower:
-/// a jump in that interval bends light, too, and three lines may be in line by chance.
-const PER_LARGER: f64 = 0.25;
-/// Least bend of an interval that has one beside it over the slope of its light: three lines may be in line by chance;
-/// with 1/4 light that changes evenly takes more lines
-/// (`light_that_changes_evenly_takes_few_lines_and_fills_windows_exactly`).
-const PER_SLOPE: f64 = 1.0 / 6.0;
-/// Part of its light that an interval may hide where light jumps in it: while an edge nearly along x crosses an
-/// aperture, light may be anywhere (`light_of_edges_that_cross_an_aperture_within_little_height_is_found`).
-const HIDDEN: f64 = 0.5;
-/// Slope of light beside a jump over that of the jump, at most.
-const BESIDE_JUMP: f64 = 0.25;
+use super::window_light::Values;
+use beamlet_core::numbers;
+pub(crate) use draws::Draws;
+use estimate::Estimate;
+pub(crate) use features::Features;
+use features::{MOST_JUMPS, jumps};
+
 /// Part of the squared limit of errors that intervals which stay whole may have: where a few jumps have most of the
 /// error, halving all others is in vain.
 const WHOLE: f64 = 0.3;
 /// [`Limits::least`] of lines of rays: above the rounding of rays 1,000 rows off the axis (6e-5), and a jump that is missed
 /// errs by less than 2e-4 of it (`jumps_at_known_heights_take_two_lines`).
 pub(crate) const LEAST_OF_RAYS: f64 = 1.0 / 4096.0;
-/// Square of the bend of independent lines, of the worst of many values, over the square of their error: the second
-/// difference has a standard deviation of 0.29·√6 of it, and the largest of some dozens of values is 2.5 deviations off.
-const NOISE: f64 = 3.2;
-/// Most height of the end of a body that counts as a jump, rows: its light is linear there, or halved as any other.
-const FLAT: f64 = 1.0 / 32.0;
-/// Most jumps of a row with lines of their own, or that may hide light: light that jumps more often swings, and its
-/// bends tell its error.
-const MOST_JUMPS: usize = 4;
 /// Most intervals of a row before its first light, and lines at ends of bodies that are not flat: of few bodies each end
 /// counts, of many the light between lines varies anyway.
 const MOST_PARTS: u32 = 26;
@@ -69,103 +55,6 @@ pub(crate) trait Judged {
     /// Its rays that are random samples; nothing where that is unknown.
     fn draws(&self) -> Option<Draws> {
         None
-    }
-}
-
-/// Rays that are independent random samples, of a line or of all lines.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Draws {
-    count: u32,
-    /// Sum of the squares of their areas, in the unit of light.
-    squares: f64,
-    /// Sums over areas: of the squared light of their rays; of those that have a next one beside them the areas, and of
-    /// half the squared change to it.
-    light: f64,
-    compared: f64,
-    changes: f64,
-}
-
-impl Draws {
-    /// Adds a ray that passes a share of the light of an area, and its change of light to the next one.
-    pub(crate) fn add(&mut self, area: f64, passed: f64, change: Option<f64>) {
-        self.count += 1;
-        self.squares += area * area;
-        self.light += area * passed * passed;
-        if let Some(change) = change {
-            self.compared += area;
-            self.changes += 0.5 * area * change * change;
-        }
-    }
-
-    fn and(self, other: Self) -> Self {
-        Self {
-            count: self.count + other.count,
-            squares: self.squares + other.squares,
-            light: self.light + other.light,
-            compared: self.compared + other.compared,
-            changes: self.changes + other.changes,
-        }
-    }
-
-    /// True if there are any.
-    pub(crate) const fn are_any(&self) -> bool {
-        self.count > 0
-    }
-
-    /// Variance of the light of an area of 1. Draws that agree leave a share of 1 / (count + 2) open.
-    fn variance(&self) -> f64 {
-        let seen = if self.compared > 0.0 { self.changes / self.compared } else { 0.0 };
-        let area = (self.squares * f64::from(self.count)).sqrt().max(f64::MIN_POSITIVE);
-        seen.max(0.25 / f64::from(self.count + 2) * self.light / area)
-    }
-}
-
-/// Bodies of a beamlet and row, before its first line.
-#[derive(Debug, Clone)]
-pub(crate) struct Features {
-    /// Height of intervals that hides no body, rows; infinite where light is the same at all heights.
-    pub height: f64,
-    /// Flat ends of bodies: ranges of z, rows below the upper border.
-    ends: Vec<[f64; 2]>,
-    /// Ends and middles of ends of bodies that are not flat, rows below the upper border: light may be deflected there
-    /// alone.
-    lids: Vec<f64>,
-    /// True if surfaces are rough: light differs from line to line, whatever edges there are.
-    pub rough: bool,
-}
-
-impl Features {
-    /// Adds a body whose shadow falls on a row.
-    pub(crate) fn add(&mut self, shadow: &ProjectedBounds, row: i64) {
-        // Upright bodies are the same at all heights, unless they are rough.
-        if shadow.throws(row) || shadow.rough {
-            self.height = self.height.min(shadow.height);
-        }
-        self.rough |= shadow.rough;
-        for lid in shadow.lids {
-            self.add_end(lid.map(|z| z - row as f64));
-        }
-    }
-
-    /// Adds a range of z over which a body ends, rows below the upper border, if it is flat and near the row.
-    fn add_end(&mut self, [low, high]: [f64; 2]) {
-        let is_flat = low <= high && high - low <= FLAT;
-        if !is_flat && high - low < 1.0 {
-            let heights = [low, f64::midpoint(low, high), high];
-            self.lids.extend(
-                heights.into_iter().filter(|z| *z > LEAST_OF_RAYS && *z < 1.0 - LEAST_OF_RAYS),
-            );
-        }
-        if is_flat && low < 1.0 + FLAT && high > -FLAT {
-            self.ends.push([low, high]);
-        }
-    }
-}
-
-impl Default for Features {
-    /// No body that ends or leans.
-    fn default() -> Self {
-        Self { height: f64::INFINITY, ends: Vec::new(), lids: Vec::new(), rough: false }
     }
 }
 
@@ -455,90 +344,6 @@ impl<L: Judged + Clone> Heights<L> {
         (0..self.lines.len() - 1).map(known)
     }
 
-    /// Estimate for the interval below a line: by the worst bend of a value of its light.
-    fn estimate_of(&self, at: usize) -> Estimate {
-        let Some(own) = self.rise(at) else { return Estimate::default() };
-        // Light beyond a jump has nothing to do with light before it.
-        let beside = |at: usize| Some(at).filter(|at| !self.lines[*at].jumps);
-        let above = at.checked_sub(1).and_then(beside).and_then(|at| self.rise(at));
-        let below = beside(at + 1).and_then(|at| self.rise(at));
-        let rises = || above.iter().chain([&own]).chain(&below);
-        let (mut worst, mut most, mut change, mut is_jump) = (0.0_f64, 0.0_f64, 0.0_f64, false);
-        for kind in 0..own.values.len() {
-            for place in places(rises().flat_map(|it| it.values[kind])) {
-                let value = Value { kind, place };
-                let slope = own.slope(value);
-                let bend = |beside: &Rise<'_>| (beside.slope(value) - slope).abs();
-                worst = worst.max(match (&above, &below) {
-                    (Some(a), Some(b)) => {
-                        let larger = |it: &Rise<'_>| bend(it) * (it.height / own.height).min(1.0);
-                        bend(a).min(bend(b)).max(PER_LARGER * larger(a).max(larger(b)))
-                    }
-                    (Some(it), None) | (None, Some(it)) => bend(it).max(PER_SLOPE * slope.abs()),
-                    (None, None) => slope.abs(),
-                });
-                change = change.max(slope.abs() * own.height);
-                most = own.ends(value).into_iter().fold(most, f64::max);
-                let is_level =
-                    |it: &Rise<'_>| it.slope(value) * slope < BESIDE_JUMP * slope * slope;
-                is_jump |= slope.abs() * own.height > self.limits.error
-                    && above.iter().chain(&below).all(is_level);
-            }
-        }
-        let hides = is_jump && own.height > LEAST_OF_RAYS;
-        let uneven = self.limits.uneven.error(own.height) * change;
-        let bends = (PER_JUMP * own.height * own.height * worst).hypot(uneven);
-        let hidden = if hides { PER_JUMP * own.height * HIDDEN * most } else { 0.0 };
-        let [crossing, hidden_crossing] = self.crossing(at, &own, [above, below]);
-        Estimate { bends: bends.hypot(crossing), hidden, hidden_crossing }
-    }
-
-    /// Error of light that displacement takes over the borders of the row: where the displaced light of an interval
-    /// near a border jumps, as much may cross it as the interval has light near the border. The second
-    /// error, for halving alone, is of light that may cross it where the two lines cross different surfaces.
-    fn crossing(&self, at: usize, own: &Rise<'_>, beside: [Option<Rise<'_>>; 2]) -> [f64; 2] {
-        let [upper, _] = own.moved;
-        // Light may be displaced farther between two lines than at either.
-        let reach = self.limits.reach + 2.0 * own.farthest;
-        let border = self.lines[at].z.min(1.0 - self.lines[at + 1].z);
-        let near = border < reach || self.limits.uneven == Uneven::Apertures;
-        // Random samples that are reflected go anywhere: their own variance tells what crosses.
-        if upper.is_empty() || !near || self.is_random {
-            return [0.0; 2];
-        }
-        let slope = |it: &Rise<'_>, step: usize| {
-            f64::from(it.moved[1][step] - it.moved[0][step]) / it.height
-        };
-        let jump = |step: usize| {
-            let slope_of_own = slope(own, step);
-            let bends = beside.iter().flatten().map(|it| (slope(it, step) - slope_of_own).abs());
-            own.height * bends.fold(f64::INFINITY, f64::min).min(f64::MAX)
-        };
-        let alone = beside.iter().all(Option::is_none);
-        let most = (0..upper.len())
-            .map(|step| if alone { own.height * slope(own, step).abs() } else { jump(step) });
-        let error = PER_JUMP * most.fold(0.0, f64::max) * (own.height / reach).min(1.0);
-        let moved = own.moved.into_iter().flatten().fold(0.0_f32, |most, it| most.max(it.abs()));
-        let hides = own.is_broken && own.height > LEAST_OF_RAYS && own.farthest > 0.0;
-        let share = if hides { (own.height / own.farthest).min(1.0) } else { 0.0 };
-        [error, PER_JUMP * f64::from(moved) * share]
-    }
-
-    /// Light at the ends of the interval below a line.
-    fn rise(&self, at: usize) -> Option<Rise<'_>> {
-        let light = |at: usize| self.lines.get(at)?.light.as_ref();
-        let ends = [light(at)?, light(at + 1)?];
-        let farthest = ends[0].farthest().max(ends[1].farthest());
-        let is_broken = ends[0].structure() != ends[1].structure();
-        let moved = ends.map(L::moved);
-        let displaced = ends.map(|it| Values {
-            first: 0,
-            values: if self.light_alone { &[] } else { it.displaced() },
-        });
-        let values = [ends.map(L::values), displaced];
-        Some(Rise { values, moved, farthest, is_broken, height: self.height(at) })
-    }
-
     /// Light that is linear in z over intervals, and its values at their ends: the part of a line in the light of the
     /// row.
     pub(crate) fn parts(&self, at: usize) -> impl Iterator<Item = ([f64; 2], [f64; 2])> {
@@ -569,76 +374,6 @@ pub(crate) struct Interval {
     pub z: [f64; 2],
     /// In the unit of light.
     pub error: f64,
-}
-
-/// Estimated error of an interval.
-#[derive(Debug, Clone, Copy, Default)]
-struct Estimate {
-    /// Error that the bends of its light show.
-    bends: f64,
-    /// Error by light that a jump may hide, for halving alone; 0 where light does not jump.
-    hidden: f64,
-    /// Error by light that may cross a border of the row between two lines whose rays cross other surfaces, for halving
-    /// alone.
-    hidden_crossing: f64,
-}
-
-impl Estimate {
-    /// Squared error, of bends beyond those that random samples of this squared error show, and of these.
-    fn square(&self, drawn: Option<f64>) -> f64 {
-        let drawn = drawn.unwrap_or(0.0);
-        (self.bends * self.bends - NOISE * drawn).max(0.0) + drawn
-    }
-}
-
-/// Light at both ends of an interval.
-#[derive(Debug)]
-struct Rise<'a> {
-    /// Light, and light times displacement along x, each at the upper and lower end.
-    values: [[Values<'a>; 2]; 2],
-    moved: [&'a [f32]; 2],
-    farthest: f64,
-    /// Rays of the two lines cross other surfaces.
-    is_broken: bool,
-    /// Height of the interval, rows.
-    height: f64,
-}
-
-/// Value that is judged: its kind and place among [`Rise::values`].
-#[derive(Debug, Clone, Copy)]
-struct Value {
-    kind: usize,
-    place: i64,
-}
-
-impl Rise<'_> {
-    /// A value at the upper and lower end.
-    fn ends(&self, Value { kind, place }: Value) -> [f64; 2] {
-        self.values[kind].map(|it| it.at(place))
-    }
-
-    /// Change of a value per row.
-    fn slope(&self, value: Value) -> f64 {
-        let [upper, lower] = self.ends(value);
-        (lower - upper) / self.height
-    }
-}
-
-/// Heights of the two lines at each jump of light within a row; none if there are too many.
-fn jumps(ends: &[[f64; 2]], least: f64) -> Vec<[f64; 2]> {
-    let near = |[low, high]: &[f64; 2]| *low < 1.0 + least && *high > -least;
-    let ranges = ends.iter().filter(|range| near(range));
-    let mut ranges: Vec<[f64; 2]> = ranges.map(|[low, high]| [low - least, high + least]).collect();
-    ranges.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut joined: Vec<[f64; 2]> = Vec::new();
-    for range in ranges {
-        match joined.last_mut().filter(|last| range[0] <= last[1]) {
-            Some(last) => last[1] = last[1].max(range[1]),
-            None => joined.push(range),
-        }
-    }
-    joined.retain(|[low, high]| high - low <= FLAT + 2.0 * least);
-    if joined.len() > MOST_JUMPS { Vec::new() } else { joined }
 }
 
 #[cfg(test)]

@@ -1,19 +1,19 @@
 //! Patches: heights of their lines, or rays of those whose bodies are many, and errors.
 
 use super::audit::Auditor;
-use super::even::{Bodies, EvenPatch, EvenSampler, Next};
-use super::heights::{Features, Heights, Limits, Uneven};
+use super::even::{EvenPatch, EvenSampler, Next};
+use super::heights::{Heights, Limits, Uneven};
 use super::light::{Illumination, LitLine};
 use super::line::{LinePlace, NARROWEST, Piece, Source};
+use super::patch_places::PatchPlaces;
 use super::sections::SurfaceLines;
-use crate::sampling::{Opening, PatchGrid, ViewContext, safety, tally_of};
+use crate::sampling::{Opening, ViewContext, safety, tally_of};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_interface::Ray;
 use beamlet_model::spot::differ_along_z;
 use rayon::prelude::*;
-use std::ops::Range;
 use std::sync::Arc;
 
 /// Least height between two lines through facets, rows: their places are exact in f64, and a jump that is missed errs by
@@ -22,65 +22,8 @@ const LEAST: f64 = 1.0 / 65536.0;
 /// Standard deviations of the blur over rows beside a border within which light crosses it; with 2 random scenes
 /// erred by up to 1.2 times as much (`measured_errors_of_random_scenes_are_true_ones`).
 const REACH: f64 = 1.5;
-/// Most bodies of a patch of lines: among more, rays are tried that are spread evenly.
-const MOST_BODIES: u32 = 32;
 /// Error of a piece near grazing incidence, whose rays differ, that stays whole: share of the limit.
 const BY_RAYS: f64 = 0.15;
-
-/// Patches of some rows that shadows touch.
-#[derive(Debug)]
-pub(crate) struct PatchPlaces {
-    grid: PatchGrid,
-    touched: Vec<Option<Touched>>,
-}
-
-/// Bodies whose shadows fall on a patch.
-#[derive(Debug, Clone, Default)]
-struct Touched {
-    features: Features,
-    bodies: Bodies,
-}
-
-impl PatchPlaces {
-    /// Patches of some rows.
-    pub(crate) fn new(view: &ViewContext<'_>, rows: Range<i64>) -> Self {
-        let lattice = view.lattice;
-        let grid = PatchGrid { rows, beamlets: lattice.beamlets.clone() };
-        let mut touched: Vec<Option<Touched>> = vec![None; grid.count()];
-        let recorded = view.recorded_rows();
-        for shadow in view.projected_bounds {
-            let beamlets = shadow.patches(lattice)[1].clone();
-            for row in shadow.rows_that_count(lattice, &recorded, &grid.rows) {
-                for at in grid.in_row(row, beamlets.clone()) {
-                    let patch = touched[at].get_or_insert_default();
-                    patch.bodies.count += 1;
-                    patch.bodies.narrowest = patch.bodies.narrowest.min(shadow.width);
-                    patch.features.add(shadow, row);
-                }
-            }
-        }
-        Self { grid, touched }
-    }
-
-    fn at(&self, beamlet: i64, row: i64) -> Option<&Touched> {
-        self.grid.index(beamlet, row).and_then(|at| self.touched[at].as_ref())
-    }
-
-    /// True if no shadow falls that matters.
-    pub(crate) fn is_empty(&self) -> bool {
-        self.touched.iter().all(Option::is_none)
-    }
-
-    /// True if so many bodies may be in a patch that rays are tried.
-    pub(crate) fn is_crowded(&self, beamlet: i64, row: i64) -> bool {
-        self.at(beamlet, row).is_some_and(|it| it.bodies.count > MOST_BODIES)
-    }
-
-    /// True if a shadow falls on a patch.
-    pub(crate) fn is_touched(&self, beamlet: i64, row: i64) -> bool {
-        self.at(beamlet, row).is_some()
-    }
-}
 
 /// Patches with their lines or rays, and their counts.
 #[derive(Debug)]

@@ -1,0 +1,160 @@
+//! Estimated errors of the intervals between lines, by the bends of light.
+
+use super::{Heights, Judged, LEAST_OF_RAYS, Uneven};
+use crate::lines::line::PER_JUMP;
+use crate::lines::window_light::{Values, places};
+
+/// Part of the larger of both bends of an interval that counts, per height of the interval beside where that is lower:
+/// a jump in that interval bends light, too, and three lines may be in line by chance.
+const PER_LARGER: f64 = 0.25;
+/// Least bend of an interval that has one beside it over the slope of its light: three lines may be in line by chance;
+/// with 1/4 light that changes evenly takes more lines
+/// (`light_that_changes_evenly_takes_few_lines_and_fills_windows_exactly`).
+const PER_SLOPE: f64 = 1.0 / 6.0;
+/// Part of its light that an interval may hide where light jumps in it: while an edge nearly along x crosses an
+/// aperture, light may be anywhere (`light_of_edges_that_cross_an_aperture_within_little_height_is_found`).
+const HIDDEN: f64 = 0.5;
+/// Slope of light beside a jump over that of the jump, at most.
+const BESIDE_JUMP: f64 = 0.25;
+/// Square of the bend of independent lines, of the worst of many values, over the square of their error: the second
+/// difference has a standard deviation of 0.29·√6 of it, and the largest of some dozens of values is 2.5 deviations off.
+const NOISE: f64 = 3.2;
+
+/// Estimated error of an interval.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Estimate {
+    /// Error that the bends of its light show.
+    bends: f64,
+    /// Error by light that a jump may hide, for halving alone; 0 where light does not jump.
+    pub(super) hidden: f64,
+    /// Error by light that may cross a border of the row between two lines whose rays cross other surfaces, for halving
+    /// alone.
+    pub(super) hidden_crossing: f64,
+}
+
+impl Estimate {
+    /// Squared error, of bends beyond those that random samples of this squared error show, and of these.
+    pub(super) fn square(&self, drawn: Option<f64>) -> f64 {
+        let drawn = drawn.unwrap_or(0.0);
+        (self.bends * self.bends - NOISE * drawn).max(0.0) + drawn
+    }
+}
+
+/// Light at both ends of an interval.
+#[derive(Debug)]
+struct Rise<'a> {
+    /// Light, and light times displacement along x, each at the upper and lower end.
+    values: [[Values<'a>; 2]; 2],
+    moved: [&'a [f32]; 2],
+    farthest: f64,
+    /// Rays of the two lines cross other surfaces.
+    is_broken: bool,
+    /// Height of the interval, rows.
+    height: f64,
+}
+
+/// Value that is judged: its kind and place among [`Rise::values`].
+#[derive(Debug, Clone, Copy)]
+struct Value {
+    kind: usize,
+    place: i64,
+}
+
+impl Rise<'_> {
+    /// A value at the upper and lower end.
+    fn ends(&self, Value { kind, place }: Value) -> [f64; 2] {
+        self.values[kind].map(|it| it.at(place))
+    }
+
+    /// Change of a value per row.
+    fn slope(&self, value: Value) -> f64 {
+        let [upper, lower] = self.ends(value);
+        (lower - upper) / self.height
+    }
+}
+
+impl<L: Judged + Clone> Heights<L> {
+    /// Estimate for the interval below a line: by the worst bend of a value of its light.
+    pub(super) fn estimate_of(&self, at: usize) -> Estimate {
+        let Some(own) = self.rise(at) else { return Estimate::default() };
+        // Light beyond a jump has nothing to do with light before it.
+        let beside = |at: usize| Some(at).filter(|at| !self.lines[*at].jumps);
+        let above = at.checked_sub(1).and_then(beside).and_then(|at| self.rise(at));
+        let below = beside(at + 1).and_then(|at| self.rise(at));
+        let rises = || above.iter().chain([&own]).chain(&below);
+        let (mut worst, mut most, mut change, mut is_jump) = (0.0_f64, 0.0_f64, 0.0_f64, false);
+        for kind in 0..own.values.len() {
+            for place in places(rises().flat_map(|it| it.values[kind])) {
+                let value = Value { kind, place };
+                let slope = own.slope(value);
+                let bend = |beside: &Rise<'_>| (beside.slope(value) - slope).abs();
+                worst = worst.max(match (&above, &below) {
+                    (Some(a), Some(b)) => {
+                        let larger = |it: &Rise<'_>| bend(it) * (it.height / own.height).min(1.0);
+                        bend(a).min(bend(b)).max(PER_LARGER * larger(a).max(larger(b)))
+                    }
+                    (Some(it), None) | (None, Some(it)) => bend(it).max(PER_SLOPE * slope.abs()),
+                    (None, None) => slope.abs(),
+                });
+                change = change.max(slope.abs() * own.height);
+                most = own.ends(value).into_iter().fold(most, f64::max);
+                let is_level =
+                    |it: &Rise<'_>| it.slope(value) * slope < BESIDE_JUMP * slope * slope;
+                is_jump |= slope.abs() * own.height > self.limits.error
+                    && above.iter().chain(&below).all(is_level);
+            }
+        }
+        let hides = is_jump && own.height > LEAST_OF_RAYS;
+        let uneven = self.limits.uneven.error(own.height) * change;
+        let bends = (PER_JUMP * own.height * own.height * worst).hypot(uneven);
+        let hidden = if hides { PER_JUMP * own.height * HIDDEN * most } else { 0.0 };
+        let [crossing, hidden_crossing] = self.crossing(at, &own, [above, below]);
+        Estimate { bends: bends.hypot(crossing), hidden, hidden_crossing }
+    }
+
+    /// Error of light that displacement takes over the borders of the row: where the displaced light of an interval
+    /// near a border jumps, as much may cross it as the interval has light near the border. The second
+    /// error, for halving alone, is of light that may cross it where the two lines cross different surfaces.
+    fn crossing(&self, at: usize, own: &Rise<'_>, beside: [Option<Rise<'_>>; 2]) -> [f64; 2] {
+        let [upper, _] = own.moved;
+        // Light may be displaced farther between two lines than at either.
+        let reach = self.limits.reach + 2.0 * own.farthest;
+        let border = self.lines[at].z.min(1.0 - self.lines[at + 1].z);
+        let near = border < reach || self.limits.uneven == Uneven::Apertures;
+        // Random samples that are reflected go anywhere: their own variance tells what crosses.
+        if upper.is_empty() || !near || self.is_random {
+            return [0.0; 2];
+        }
+        let slope = |it: &Rise<'_>, step: usize| {
+            f64::from(it.moved[1][step] - it.moved[0][step]) / it.height
+        };
+        let jump = |step: usize| {
+            let slope_of_own = slope(own, step);
+            let bends = beside.iter().flatten().map(|it| (slope(it, step) - slope_of_own).abs());
+            own.height * bends.fold(f64::INFINITY, f64::min).min(f64::MAX)
+        };
+        let alone = beside.iter().all(Option::is_none);
+        let most = (0..upper.len())
+            .map(|step| if alone { own.height * slope(own, step).abs() } else { jump(step) });
+        let error = PER_JUMP * most.fold(0.0, f64::max) * (own.height / reach).min(1.0);
+        let moved = own.moved.into_iter().flatten().fold(0.0_f32, |most, it| most.max(it.abs()));
+        let hides = own.is_broken && own.height > LEAST_OF_RAYS && own.farthest > 0.0;
+        let share = if hides { (own.height / own.farthest).min(1.0) } else { 0.0 };
+        [error, PER_JUMP * f64::from(moved) * share]
+    }
+
+    /// Light at the ends of the interval below a line.
+    fn rise(&self, at: usize) -> Option<Rise<'_>> {
+        let light = |at: usize| self.lines.get(at)?.light.as_ref();
+        let ends = [light(at)?, light(at + 1)?];
+        let farthest = ends[0].farthest().max(ends[1].farthest());
+        let is_broken = ends[0].structure() != ends[1].structure();
+        let moved = ends.map(L::moved);
+        let displaced = ends.map(|it| Values {
+            first: 0,
+            values: if self.light_alone { &[] } else { it.displaced() },
+        });
+        let values = [ends.map(L::values), displaced];
+        Some(Rise { values, moved, farthest, is_broken, height: self.height(at) })
+    }
+}

@@ -1,0 +1,186 @@
+//! Pieces of an interval of a line.
+
+use super::effects::{Change, Sums};
+use super::{Interval, MOST_PARTS, SurfaceLines};
+use crate::lines::line::{NARROWEST, Piece, Source, open_share};
+use crate::sampling::Opening;
+use beamlet_core::numbers::{self, single};
+use beamlet_interface::RayResult;
+
+/// Error by light of a piece of curved surfaces that is straight, share of the budget.
+const CURVED: f64 = 0.01;
+/// Error by light of a displacement that leaves a straight line, over that of the displacement at most.
+const MOVED: f64 = 0.25;
+/// Error by light of the change of a variance over a piece, which has its mean, share of the budget.
+const WIDENED: f64 = 0.1;
+/// Error by light of a piece near grazing that needs no exact ray, share of the budget.
+const NEGLIGIBLE: f64 = 0.03;
+
+impl SurfaceLines<'_> {
+    /// Pieces of an interval of curved surfaces, halved until they are straight.
+    pub(super) fn curved_pieces(&self, interval: &Interval<'_>, pieces: &mut Vec<Piece>) {
+        let rims = interval.rims();
+        let place = |share: f64| interval.place(share, rims);
+        let sums = |share: f64| self.sums(interval, place(share));
+        let [low, middle, high] = [0.0, 0.5, 1.0].map(sums);
+        let mut waiting = vec![([0.5, 1.0], [middle, high]), ([0.0, 0.5], [low, middle])];
+        while let Some((shares, ends)) = waiting.pop() {
+            let half = f64::midpoint(shares[0], shares[1]);
+            let x = shares.map(place);
+            let middle = sums(half);
+            if self.bends(interval, x, [&ends[0], &middle, &ends[1]]) {
+                waiting.push(([half, shares[1]], [middle, ends[1]]));
+                waiting.push(([shares[0], half], [ends[0], middle]));
+            } else {
+                let piece = self.piece(interval, x, &ends, Some(&middle));
+                pieces.extend(piece.parts(self.draws_of(&piece, interval.openings)));
+            }
+        }
+    }
+
+    /// True if light is not straight enough in a part of an interval.
+    fn bends(&self, interval: &Interval<'_>, x: [f64; 2], at: [&Sums; 3]) -> bool {
+        let response = self.view.response;
+        let width = x[1] - x[0];
+        if width < NARROWEST {
+            return false;
+        }
+        let share = response.lit(single(open_share(interval.openings, x)));
+        let whole = width * f64::from(response.weight * share);
+        let passed =
+            at.map(|it| f64::from(response.hardening.light(single(it.change.depth.max(0.0)))));
+        let off = |[low, middle, high]: [f64; 3]| (middle - f64::midpoint(low, high)).abs();
+        let most = passed.into_iter().fold(0.0, f64::max);
+        let moved = if self.matters(whole * most, at[1].remainder) {
+            // Rays go on from here, where all of it is near grazing.
+            f64::from(u8::from(at.iter().any(|it| it.remainder <= 0.0)))
+        } else {
+            MOVED * off(at.map(|it| it.change.displacement.x)) * response.steepest()
+        };
+        let error = whole * (off(passed) + most * moved.min(1.0));
+        let widened = self.widening([0, 2].map(|end| at[end].change.scattering));
+        error > CURVED * self.view.budget.light
+            || whole * most * widened > WIDENED * self.view.budget.light
+    }
+
+    /// Largest change of light, share of it, by a change of the variance of the displacement between two values.
+    fn widening(&self, [low, high]: [f64; 2]) -> f64 {
+        ((high - low).abs() * self.view.response.steepest().powi(2)).min(1.0)
+    }
+
+    /// Number of parts of a piece whose variances by materials are constant: the error falls with its square, since
+    /// light and variance both belong to a part.
+    pub(super) fn parts_by_scattering(&self, piece: &Piece, openings: &[Opening]) -> u32 {
+        let widened = self.widening(piece.scattering.map(f64::from));
+        if widened <= 0.0 {
+            return 1;
+        }
+        let error = self.light(piece, openings) * widened;
+        let parts = (error / (WIDENED * self.view.budget.light)).sqrt().ceil();
+        numbers::whole(parts.clamp(1.0, MOST_PARTS))
+    }
+
+    /// The piece between two ends, with the sums of the rays there and, of curved surfaces, in the middle.
+    pub(super) fn piece(
+        &self,
+        interval: &Interval<'_>,
+        x: [f64; 2],
+        ends: &[Sums; 2],
+        middle: Option<&Sums>,
+    ) -> Piece {
+        let mut changes = ends.map(|it| it.change);
+        let remainder = middle.unwrap_or(&ends[0]).remainder;
+        if ends.iter().any(|it| it.remainder > 0.0) {
+            self.bound(&mut changes);
+        }
+        if let Some(middle) = middle {
+            // The mean by Simpson's rule; a ray has the displacement in the middle.
+            let off = middle.change.plus(&changes[0].towards(&changes[1], 0.5), -1.0);
+            changes = changes.map(|end| {
+                let mean = end.plus(&off, 2.0 / 3.0);
+                if remainder > 0.0 { Change { depth: mean.depth, ..middle.change } } else { mean }
+            });
+        }
+        // Rounded.
+        let depth = changes.map(|end| single(end.depth.max(0.0)));
+        let scattering = changes.map(|end| single(end.scattering.max(0.0)));
+        let mean = changes[0].towards(&changes[1], 0.5);
+        let crossed = || interval.crossed.iter();
+        let result = RayResult {
+            optical_depth: 0.5 * (depth[0] + depth[1]),
+            displacement_x: single(mean.displacement.x),
+            displacement_z: single(mean.displacement.y),
+            slope_x: single(mean.slope.x),
+            slope_z: single(mean.slope.y),
+            signature: crossed().fold(0, |all, it| all.wrapping_add(it.hash)),
+            flags: 0,
+            crossings: crossed().map(|it| it.crossings).sum(),
+            displacement_variance: single(mean.roughness) + 0.5 * (scattering[0] + scattering[1]),
+        };
+        let displacement = changes.map(|end| single(end.displacement.x));
+        let nearest = ends[0].distance[0].min(ends[1].distance[0]);
+        let extent = single(ends[0].distance[1].max(ends[1].distance[1]) - nearest);
+        let mut piece = Piece {
+            x,
+            depth,
+            displacement,
+            scattering,
+            result,
+            source: Source::FirstOrder,
+            extent,
+            interval: interval.number,
+            is_curved: middle.is_some(),
+            draws: middle.is_none_or(|it| it.draws) && ends.iter().any(|it| it.draws),
+        };
+        let is_exact = self.view.facets.is_exact && !interval.crossed.is_empty();
+        let remainder = if is_exact { f64::INFINITY } else { remainder };
+        if remainder > 0.0 && self.counts(&piece, interval.openings, remainder) {
+            piece.source = Source::Wanted;
+        }
+        piece
+    }
+
+    /// Number of rays of a piece: of one whose rays draw normals about the root of those that its light needs, so
+    /// that as many lines are.
+    pub(super) fn draws_of(&self, piece: &Piece, openings: &[Opening]) -> u32 {
+        if !piece.draws || piece.source != Source::Wanted {
+            return 1;
+        }
+        let light = self.light(piece, openings) / self.view.budget.light;
+        numbers::whole(light.ceil().clamp(1.0, MOST_PARTS))
+    }
+
+    /// Reduces displacements by the first order near grazing incidence to what total reflection makes.
+    fn bound(&self, ends: &mut [Change; 2]) {
+        let (lattice, pitch) = (self.view.lattice, self.view.optics.detector.pitch);
+        let farthest = [lattice.halo_columns, lattice.halo].map(|halo| halo as f64);
+        for end in ends {
+            let over = |axis: usize| {
+                let most = (farthest[axis] - 1.0).max(0.5) * pitch[axis];
+                (end.displacement[axis].abs() / most).max(1.0)
+            };
+            let factor = over(0).max(over(1)).recip();
+            end.displacement *= factor;
+            end.slope *= factor;
+        }
+    }
+
+    /// True if a first-order remainder of the displacement matters in a piece.
+    fn counts(&self, piece: &Piece, openings: &[Opening], remainder: f64) -> bool {
+        piece.width() >= NARROWEST && self.matters(self.light(piece, openings), remainder)
+    }
+
+    /// Light of a piece at the mask step that opens it most, share of open beam.
+    fn light(&self, piece: &Piece, openings: &[Opening]) -> f64 {
+        let response = self.view.response;
+        let share = response.lit(single(open_share(openings, piece.x)));
+        let passed = response.weight * response.hardening.light(piece.result.optical_depth) * share;
+        piece.width() * f64::from(passed)
+    }
+
+    /// True if light with this first-order remainder of its displacement errs by more than needs no exact ray.
+    fn matters(&self, light: f64, remainder: f64) -> bool {
+        let moved = (remainder * self.view.response.steepest()).min(1.0);
+        light * moved > NEGLIGIBLE * self.view.budget.light
+    }
+}
