@@ -7,6 +7,9 @@ use std::ops::RangeInclusive;
 
 /// Points of a table of windows per period of the windows.
 const WINDOW_POINTS: usize = 512;
+/// Least half width of light in sharp windows, parts of a period: what passes is a difference of places, which single
+/// numbers resolve by 6e-8 of a period or two.
+const SHARP_POINTS: f64 = 8192.0;
 
 /// Windows of one width and period.
 #[derive(Debug, Clone)]
@@ -19,6 +22,8 @@ pub(crate) struct Windows {
     table_reach: f32,
     /// Ends of the windows of a period, m, where they are sharper than points of the table show.
     sharp: Option<Vec<[f32; 2]>>,
+    /// Narrower light counts as wide as this to either side, m: the table has no points within less.
+    least_half: f32,
     /// Light farther than this from the centre of a window does not pass it, m.
     reach: f32,
     /// Period on the analyser, m.
@@ -53,7 +58,8 @@ impl Windows {
         let recorded = |[low, high]: [f64; 2]| {
             [numbers::whole((low / period).ceil()), numbers::whole((high / period).floor())]
         };
-        let is_sharp = blur * WINDOW_POINTS as f64 <= period;
+        let points = WINDOW_POINTS as f64;
+        let is_sharp = blur * points <= period;
         let end = openings.ends().flatten().fold(0.0, |m: f64, end| m.max(end.abs()));
         let reach = end + NO_LIGHT * blur;
         let table_reach = (reach / period).ceil();
@@ -62,6 +68,7 @@ impl Windows {
             integral: window_integral(openings, blur, numbers::whole(table_reach)),
             table_reach: single(table_reach),
             reach: single(reach),
+            least_half: single(if is_sharp { period / SHARP_POINTS } else { period / points }),
             sharp: is_sharp.then(|| openings.ends().map(|ends| ends.map(single)).collect()),
             period: single(period),
             aside,
@@ -96,7 +103,7 @@ impl Windows {
     /// Numbers of the windows on the detector that light of the beamlet at `column` passes, spread over [at - half,
     /// at + half].
     pub(crate) fn numbers(&self, column: usize, at: f32, half: f32) -> RangeInclusive<i64> {
-        let far = half + self.reach;
+        let far = half.max(self.least_half) + self.reach;
         let [low, high] = [at - far, at + far].map(|it| f64::from(it / self.period));
         let [first, last] = self.recorded[column];
         numbers::whole::<i64>(low.ceil()).max(first)..=numbers::whole::<i64>(high.floor()).min(last)
@@ -105,11 +112,10 @@ impl Windows {
     /// Share of light spread over [at - half, at + half] that passes the window at 0; it changes linearly by 1 ± `slope`
     /// of its mean to either end: exact where the window is of third degree there.
     pub(crate) fn passed(&self, at: f32, half: f32, slope: f32) -> f32 {
+        let half = half.max(self.least_half);
         if at.abs() - half > self.reach {
             return 0.0;
         }
-        // The table has no points within less; and the quotient keeps its digits.
-        let half = half.max(self.period / WINDOW_POINTS as f32);
         let [low, middle, high] = [at - half, at, at + half].map(|at| self.integral(at));
         (high - low + 2.0 / 3.0 * slope * (low - 2.0 * middle + high)) / (2.0 * half)
     }
