@@ -80,6 +80,13 @@ impl FreshLine {
     }
 }
 
+/// Division of an interval between two rays.
+struct Division {
+    parts: u32,
+    /// Estimated error of the interval, in the unit of light.
+    error: f64,
+}
+
 impl FreshRay {
     /// Hash of the surfaces that it crosses.
     fn signature(&self) -> Option<u32> {
@@ -207,18 +214,25 @@ impl Auditor<'_> {
         self.trace_rays(tracer, lines.iter_mut().flat_map(FreshLine::check_rays).collect())
     }
 
-    /// Adds rays where the light between two is not known.
+    /// Adds rays where the light between two is not known, where it is known least if a line has room for few.
     fn divide(&self, line: &mut FreshLine) {
         let column = self.view.lattice.column(line.place.beamlet);
-        let mut count: usize = line.parts.iter().map(Vec::len).sum();
-        for part in &mut line.parts {
-            let parts = self.divisions(column, part);
-            count += parts.iter().map(|it| *it as usize - 1).sum::<usize>();
-            if count > MOST_RAYS {
-                return;
+        let mut divisions: Vec<Vec<Division>> =
+            line.parts.iter().map(|part| self.divisions(column, part)).collect();
+        let mut room = MOST_RAYS.saturating_sub(line.parts.iter().map(Vec::len).sum());
+        let mut wanted: Vec<&mut Division> = divisions.iter_mut().flatten().collect();
+        wanted.sort_by(|a, b| b.error.total_cmp(&a.error));
+        for division in wanted {
+            let more = division.parts as usize - 1;
+            if more > room {
+                division.parts = 1;
+            } else {
+                room -= more;
             }
+        }
+        for (part, divisions) in line.parts.iter_mut().zip(divisions) {
             let mut divided = Vec::with_capacity(part.len());
-            for (pair, parts) in part.windows(2).zip(parts) {
+            for (pair, Division { parts, .. }) in part.windows(2).zip(divisions) {
                 divided.push(pair[0]);
                 let step = (pair[1].x - pair[0].x) / f64::from(parts);
                 let between = (1..parts).map(|at| pair[0].x + step * f64::from(at));
@@ -229,16 +243,18 @@ impl Auditor<'_> {
         }
     }
 
-    /// Number of parts of each interval between traced rays.
-    fn divisions(&self, column: usize, rays: &[FreshRay]) -> Vec<u32> {
+    /// Divisions of the intervals between traced rays.
+    fn divisions(&self, column: usize, rays: &[FreshRay]) -> Vec<Division> {
         let limit = RESOLVED * self.view.budget.light;
-        let parts = |(pair, error): (&[FreshRay], f64)| match pair {
+        let parts = |pair: &[FreshRay], error: f64| match pair {
             _ if error <= limit => 1,
             [a, b] if b.x - a.x < 2.0 * NARROWEST * f64::from(PARTS_OF_CUT) => 1,
             [a, b] if a.signature() != b.signature() => PARTS_OF_CUT,
             _ => 2,
         };
-        rays.windows(2).zip(self.errors(column, rays)).map(parts).collect()
+        let of_pair =
+            |(pair, error): (&[FreshRay], f64)| Division { parts: parts(pair, error), error };
+        rays.windows(2).zip(self.errors(column, rays)).map(of_pair).collect()
     }
 
     /// Errors of light that is linear in each interval between traced rays, in the unit of light.
@@ -260,8 +276,13 @@ impl Auditor<'_> {
         let of_pair = |pair: &[FreshRay]| {
             let [low, high] = [pair[0], pair[1]];
             let (Some(a), Some(b)) = (low.result, high.result) else { return [0.0; 2] };
-            let all = change(f64::midpoint(low.x, high.x), &a, &b) * open([low.x, high.x]);
-            if a.signature == b.signature { [0.0, PER_BEND * all] } else { [PER_JUMP * all, 0.0] }
+            let open = open([low.x, high.x]);
+            if a.signature == b.signature {
+                return [0.0, PER_BEND * change(f64::midpoint(low.x, high.x), &a, &b) * open];
+            }
+            // Beside an edge between them light may land where neither does.
+            let light = |it: &RayResult| f64::from(response.hardening.light(it.optical_depth));
+            [PER_JUMP * light(&a).max(light(&b)) * open, 0.0]
         };
         let of_three = |three: &[FreshRay]| {
             let [low, own, high] = [three[0], three[1], three[2]];
