@@ -20,9 +20,9 @@ pub mod geometry {
 }
 /// Fits of curves.
 pub mod retrieve {
-    pub use beamlet_recon::retrieve::BackgroundTerm;
     pub use beamlet_recon::retrieve::curves::SlitCurve;
-    pub use beamlet_recon::retrieve::fitter::{FitOptions, Fitter};
+    pub use beamlet_recon::retrieve::fitter::Fitter;
+    pub use beamlet_recon::retrieve::{BackgroundTerm, ValueNoise};
 }
 /// Instances of objects.
 pub mod instances {

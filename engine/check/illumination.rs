@@ -8,7 +8,7 @@ use beamlet_model::optics::{self, Optics, ThinCurve};
 use beamlet_model::scene::{Blur, Counts, Object, Quality, Scan, Scatter, Scene, Scheme};
 use beamlet_model::spectrum::Nodes;
 use beamlet_recon::retrieve::{
-    FitOptions, Fitter, Method, Response, RetrieveOptions, Retriever, Weights,
+    BackgroundTerm, Fitter, Method, Response, RetrieveOptions, Retriever, ValueNoise, Weights,
 };
 use beamlet_simulate::run::quality;
 use ndarray::{Array2, Array3, ArrayView2, Axis};
@@ -293,7 +293,7 @@ fn width_above(light: &[f64], level: f64) -> f64 {
 /// Standard deviation of a Gaussian through a curve, m; `None` where there is none.
 fn fitted_sigma(engine: &Engine, offsets: &[f64], light: &[f64]) -> Result<Option<f64>> {
     let curve = Array2::from_shape_fn((light.len(), 1), |(step, _)| single(light[step]));
-    let fitter = Fitter::new(engine, offsets, &FitOptions::default())?;
+    let fitter = Fitter::new(engine, offsets, ValueNoise::default(), BackgroundTerm::Free)?;
     let width = f64::from(fitter.fit(curve.view(), &Cancel::default())?[0].width);
     Ok((width.is_finite() && width > 0.0).then_some(width))
 }

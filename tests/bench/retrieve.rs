@@ -6,7 +6,7 @@
 #![allow(clippy::print_stdout, reason = "a table is the result")]
 
 use beamlet::Cancel;
-use beamlet::internals::retrieve::{FitOptions, Fitter};
+use beamlet::internals::retrieve::{BackgroundTerm, Fitter, ValueNoise};
 use beamlet::retrieve::Weights;
 use beamlet::{Engine, EngineOptions};
 use ndarray::{Array2, s};
@@ -28,8 +28,8 @@ fn main() {
     println!("{:10}{:>24}{:>30}", "weights", "million fits / s", "million fits / processor s");
     let mut best = [0.0; 2];
     for weights in [Weights::None, Weights::Poisson] {
-        let options = FitOptions::default().with_weights(weights);
-        let fitter = Fitter::new(&engine, &offsets, &options).unwrap();
+        let noise = ValueNoise { weights, ..ValueNoise::default() };
+        let fitter = Fitter::new(&engine, &offsets, noise, BackgroundTerm::Free).unwrap();
         fitter.fit(curves.slice(s![.., ..4096]), &Cancel::default()).unwrap();
         let mut rates = [0.0_f64; 2];
         for _ in 0..ATTEMPTS {

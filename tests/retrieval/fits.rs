@@ -6,7 +6,7 @@ use crate::reference::draws::Draws;
 use crate::reference::fit::{self, Gaussian, gaussian};
 use crate::support::{Checked, Worst, engine_of, engine_with};
 use beamlet::Cancel;
-use beamlet::internals::retrieve::{FitOptions, Fitter, SlitCurve};
+use beamlet::internals::retrieve::{BackgroundTerm, Fitter, SlitCurve, ValueNoise};
 use beamlet::retrieve::{Weights, flags};
 use beamlet::{Engine, EngineOptions};
 use ndarray::Array2;
@@ -34,8 +34,8 @@ fn on_device(
     curves: &[Vec<f64>],
     weights: Weights,
 ) -> Vec<SlitCurve> {
-    let options = FitOptions::default().with_weights(weights);
-    let fitter = Fitter::new(engine, offsets, &options).unwrap();
+    let noise = ValueNoise { weights, ..ValueNoise::default() };
+    let fitter = Fitter::new(engine, offsets, noise, BackgroundTerm::Free).unwrap();
     let data = Array2::from_shape_fn((offsets.len(), curves.len()), |(s, c)| curves[c][s] as f32);
     fitter.fit(data.view(), &Cancel::default()).unwrap()
 }
@@ -302,7 +302,8 @@ fn few_counts_are_flagged_or_stay_within_the_scan() {
 fn a_fit_of_a_view_is_one_submission_and_makes_no_buffer() {
     let engine = engine_with(EngineOptions::default().with_staging(true));
     let offsets = [-20e-6, -10e-6, 0.0, 10e-6, 20e-6];
-    let fitter = Fitter::new(&engine, &offsets, &FitOptions::default()).unwrap();
+    let noise = ValueNoise::default();
+    let fitter = Fitter::new(&engine, &offsets, noise, BackgroundTerm::Free).unwrap();
     let curve = |(step, column): (usize, usize)| {
         let u = (offsets[step] - 1e-8 * column as f64) / 9e-6;
         (0.1 + 0.9 * (-0.5 * u * u).exp()) as f32

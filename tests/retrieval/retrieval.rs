@@ -6,6 +6,7 @@ use crate::reference::draws::Draws;
 use crate::reference::fit::gaussian;
 use crate::support::{Checked, engine_of, free_gaussian};
 use beamlet::Cancel;
+use beamlet::internals::retrieve::{BackgroundTerm, Fitter, ValueNoise};
 use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, flags};
 use beamlet::scene::Scene;
 use ndarray::{Array3, s};
@@ -376,10 +377,8 @@ fn results_do_not_depend_on_other_curves_of_the_batch() {
     let [flat, sample] = gaussians(&offsets, 0.004);
     let engine = engine();
     let scene = scene(&offsets, &[]);
-    let options = beamlet::internals::retrieve::FitOptions::default();
-    let fitter =
-        beamlet::internals::retrieve::Fitter::new(&engine, &scene.scan.mask_offsets, &options)
-            .unwrap();
+    let (noise, free) = (ValueNoise::default(), BackgroundTerm::Free);
+    let fitter = Fitter::new(&engine, &scene.scan.mask_offsets, noise, free).unwrap();
     let curves = |count: usize| {
         ndarray::Array2::from_shape_fn((11, count), |(s, c)| sample[[s, 0, c % PIXELS]])
     };

@@ -3,11 +3,11 @@
 use super::Region;
 use super::background::Background;
 use super::correct::Corrections;
-use super::fitter::Weights;
 use super::input::{Columns, Input, offsets};
 use super::method::Method;
 use super::options::RetrieveOptions;
 use super::planar::{Aperture, Lattice};
+use super::value_noise::Weights;
 use beamlet_core::array_file::Format;
 use beamlet_core::options::Need::{Default as Usual, Without};
 use beamlet_core::options::Relation::{

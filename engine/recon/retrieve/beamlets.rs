@@ -105,10 +105,6 @@ impl Beamlets {
     }
 
     /// The light of the apertures, in the order of the beamlets.
-    ///
-    /// # Errors
-    ///
-    /// [`Error::Scene`] for an unknown material of the bars.
     pub(crate) fn lights(&self) -> &[Beamlet] {
         &self.beamlets
     }

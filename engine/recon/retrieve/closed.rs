@@ -1,14 +1,10 @@
-//! Estimators in closed form: two and three steps, and moments.
+//! Estimators in closed form: two and three steps.
 
 use super::curves::Curve;
+use super::flags;
 use super::model::{Model, of_slits};
 use super::scan::{Points, Scan};
 use super::strips::Tables;
-use super::{flags, quadrature};
-
-/// Part of the greatest value that the ends of a scan may have for moments to count: the paper's
-/// curve, cut there, loses 0.2 % of its shift and 2.5 % of what it widens.
-const EDGE: f64 = 1e-3;
 
 /// One-sigma uncertainties of what `of` makes of values with this variance, to first order; `NaN` where
 /// that is.
@@ -162,43 +158,4 @@ pub(super) fn three_step(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve
         [area_sigma, centre_sigma, width_sigma],
         values.flags | scan.outside([centre, 0.0]),
     )
-}
-
-/// Area, centroid and standard deviation. The shares of `scan` are [`quadrature::weights`].
-pub(super) fn by_moments(scan: &Scan, curve: impl Iterator<Item = f32>) -> Curve {
-    let mut values = scan.values(curve, 3);
-    if values.flags & flags::NO_ANSWER != 0 {
-        return Curve::unknown(values.flags);
-    }
-    if values.values.len() < scan.places.len() {
-        // Values that are left out leave wider gaps.
-        let offsets: Vec<f64> = values.along_x().map(|[x, ..]| x).collect();
-        values.shares = quadrature::weights(&offsets);
-    }
-    let [area, centre, _, variance, ..] = values.moments(0.0);
-    let width = variance.max(0.0).sqrt();
-    if !(area > 0.0 && width > 0.0) {
-        return Curve::unknown(values.flags | flags::NO_PEAK);
-    }
-    let [[low, high], _] = scan.points.ends();
-    let at_ends = values.along_x().filter(|[x, ..]| *x <= low || *x >= high);
-    let most_at_ends = at_ends.fold(0.0_f64, |most, [_, y, _]| most.max(y));
-    let noise = scan
-        .noise
-        .gain
-        .map_or(0.0, |gain| 3.0 * scan.noise.variance(most_at_ends.max(gain)).sqrt());
-    let sum = |of: &dyn Fn(f64) -> f64| {
-        let terms = values
-            .along_x()
-            .map(|[x, y, share]| (share * of(x - centre)).powi(2) * scan.noise.variance(y));
-        terms.sum::<f64>().sqrt() / area
-    };
-    let most = values.range[1];
-    let is_cut = most_at_ends > EDGE * most + noise;
-    let curve = Curve::of_slits(
-        [area, most, centre, width],
-        [sum(&|_| 1.0), sum(&|d| d), sum(&|d| d * d - width * width) / (2.0 * width)],
-        values.flags | if is_cut { flags::TRUNCATED } else { 0 },
-    );
-    Curve { residual: f64::NAN, ..curve }
 }

@@ -142,6 +142,21 @@ impl Equations {
         Some(all)
     }
 
+    /// `[i][j]`: change of fitted value i by measured value j, over the weight of j, of values with these slopes and
+    /// weights beside those that were added; `None` where the fit is singular.
+    pub(super) fn influence(&self, slopes: &[Unknowns], weights: &[f64]) -> Option<Vec<Vec<f64>>> {
+        let mut equations = self.clone();
+        slopes.iter().zip(weights).for_each(|(slope, weight)| equations.add(slope, *weight, 0.0));
+        let inverse = equations.inverse()?;
+        let row = |of: &Unknowns| -> Vec<f64> {
+            let half: Unknowns =
+                std::array::from_fn(|j| (0..UNKNOWNS).map(|i| of[i] * inverse[i][j]).sum());
+            let times = |s: &Unknowns| half.iter().zip(s).map(|(half, s)| half * s).sum::<f64>();
+            slopes.iter().map(times).collect()
+        };
+        Some(slopes.iter().map(row).collect())
+    }
+
     /// Largest factor by which the other unknowns raise the variance of one: 1 for unknowns that are independent.
     pub(super) fn inflation(&self, inverse: &Matrix) -> f64 {
         let of = |i: usize| self.matrix[i][i] * inverse[self.free[i]][self.free[i]];

@@ -3,10 +3,10 @@
 use super::curves::Fits;
 use super::images::{self, CONTRASTS};
 use super::misfit::median;
-use super::noise_factors::NoiseFactors;
 use super::options::RetrieveOptions;
 use super::planar::Design;
-use super::retriever::{Layout, Retriever, ViewScan};
+use super::retriever::{Layout, Retriever};
+use super::value_noise::NoiseFactors;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_model::scene::Scene;
@@ -43,7 +43,7 @@ pub fn sigmas_in_two_directions(
     }
     let first = (rows - most) / 2;
     let some = flat.slice(s![.., first..first + most, ..]).to_owned();
-    let scan = ViewScan::of(retriever.flat_offsets(), NoiseFactors::ONE, None, true)?;
+    let scan = retriever.scan_at(None, NoiseFactors::ONE)?;
     let band = (some, beamlet_core::numbers::count(first));
     Ok(Some(retriever.sigmas(&retriever.curves(band, &scan, None, &Cancel::default())?)))
 }

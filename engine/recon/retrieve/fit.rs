@@ -4,11 +4,11 @@ use super::background_term::BackgroundTerm;
 use super::curves::Curve;
 use super::damping::{Damping, SETTLED, WEIGHED, WEIGHINGS};
 use super::equations::{Equations, Matrix, UNKNOWNS, Unknowns, covariance};
-use super::fitter::Weights;
 use super::flags;
 use super::model::{Model, SLITS, of_slits};
 use super::scan::{Scan, Values};
 use super::strips::{MOST_CORRELATED, Tables};
+use super::value_noise::Weights;
 
 /// Steps of a descent, at most.
 const STEPS: usize = 200;

@@ -2,95 +2,22 @@
 
 use super::background_term::BackgroundTerm;
 use super::curves::SlitCurve;
-use super::noise_factors::NoiseFactors;
 use super::quadrature;
+use super::value_noise::{ValueNoise, Weights};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
-use beamlet_core::options::{Choice, Word};
-use beamlet_core::{Error, Result, setters};
+use beamlet_core::{Error, Result};
 use beamlet_gpu::{Buffer, Compute, Device, Download, Kernel, Memory, Pace, Upload, push_bytes};
 use beamlet_interface::{
     FIT_AMPLITUDE, FIT_AREA_SIGMA, FIT_BACKGROUND, FIT_CENTRE, FIT_CENTRE_SIGMA, FIT_CONDITION,
     FIT_FLAGS, FIT_RESIDUAL, FIT_VALUES, FIT_WIDTH, FIT_WIDTH_SIGMA, FitPush, Step,
 };
 use ndarray::{ArrayView2, s};
-use serde::Serialize;
 use std::borrow::Cow;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 /// Curves on the device at once: 84 MB with 11 steps.
 const AT_ONCE: usize = 1 << 20;
-
-/// How values of a curve count in a fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
-#[serde(rename_all = "kebab-case")]
-#[non_exhaustive]
-pub enum Weights {
-    /// All the same.
-    #[default]
-    None,
-    /// One over the variance of counts, from the fitted curve: the fit is the maximum of the
-    /// Poisson likelihood.
-    Poisson,
-}
-
-impl Choice for Weights {
-    const CHOICES: &'static [Self] = &[Self::None, Self::Poisson];
-
-    fn word(self) -> Word {
-        match self {
-            Self::None => Word { name: "none", help: "Equal weights" },
-            Self::Poisson => Word {
-                name: "poisson",
-                help: "For counts, from the fit: the maximum of the Poisson likelihood",
-            },
-        }
-    }
-}
-
-/// How curves are fitted. `FitOptions::default()` weighs all values alike; what differs from it is
-/// set in a chain.
-#[derive(Debug, Clone, Copy, PartialEq)]
-#[non_exhaustive]
-pub struct FitOptions {
-    /// Weights of the values.
-    pub weights: Weights,
-    /// Value of one count, for the uncertainties of weighted fits. > 0.
-    pub gain: f64,
-    /// Standard deviation of noise besides photon noise, for weighted fits. >= 0.
-    pub read_noise: f64,
-    /// Values from here on are left out.
-    pub saturation: Option<f32>,
-    /// Background of the curves, per area in the unit of the offsets.
-    pub background: BackgroundTerm,
-}
-
-impl Default for FitOptions {
-    fn default() -> Self {
-        Self {
-            weights: Weights::None,
-            gain: 1.0,
-            read_noise: 0.0,
-            saturation: None,
-            background: BackgroundTerm::Free,
-        }
-    }
-}
-
-impl FitOptions {
-    setters! {
-        /// Chooses the weights of the values.
-        with_weights(weights: Weights);
-        /// Sets the value of one count.
-        with_gain(gain: f64);
-        /// Sets the standard deviation of noise besides photon noise.
-        with_read_noise(read_noise: f64);
-        /// Leaves out values from here on.
-        with_saturation(saturation: impl Into<Option<f32>>);
-        /// Chooses the background of the curves.
-        with_background(background: BackgroundTerm);
-    }
-}
 
 /// Fits curves taken at the same offsets.
 #[derive(Debug, Clone)]
@@ -109,7 +36,9 @@ pub struct Fitter {
     /// Least and most width, in half widths.
     min_width: f64,
     max_width: f64,
-    options: FitOptions,
+    noise: ValueNoise,
+    /// Background of the curves, per area in the unit of the offsets.
+    background: BackgroundTerm,
 }
 
 impl Fitter {
@@ -117,53 +46,48 @@ impl Fitter {
     /// the same unit.
     ///
     /// # Errors
-    /// [`Error::Argument`] with fewer than four different offsets, one that is not finite, or a
-    /// gain that is not above zero; [`Error::Device`], [`Error::Memory`].
+    /// [`Error::Argument`] with fewer than four different offsets, or one that is not finite;
+    /// [`Error::Device`], [`Error::Memory`].
     ///
     /// # Example
     ///
     /// ```no_run
-    /// use beamlet::internals::retrieve::{FitOptions, Fitter};
+    /// use beamlet::internals::retrieve::{BackgroundTerm, Fitter, ValueNoise};
     /// use beamlet::{Cancel, Engine, EngineOptions, ndarray::Array2};
     ///
     /// let engine = Engine::open(&EngineOptions::default())?;
     /// let offsets = [-20e-6, -10e-6, 0.0, 10e-6, 20e-6];
-    /// let fitter = Fitter::new(&engine, &offsets, &FitOptions::default())?;
+    /// let fitter = Fitter::new(&engine, &offsets, ValueNoise::default(), BackgroundTerm::Free)?;
     /// // `[step][curve]`.
     /// let curves = Array2::<f32>::zeros((5, 1000));
     /// println!("{:?}", fitter.fit(curves.view(), &Cancel::default())?[0].centre);
     /// # Ok::<(), beamlet::Error>(())
     /// ```
-    pub fn new(compute: &Compute, offsets: &[f64], options: &FitOptions) -> Result<Self> {
-        if !(options.gain.is_finite() && options.gain > 0.0) {
-            let found = options.gain.to_string();
-            return Err(Error::argument("gain", found, "a number above zero"));
-        }
-        if !(options.read_noise.is_finite() && options.read_noise >= 0.0) {
-            let found = options.read_noise.to_string();
-            return Err(Error::argument("read_noise", found, "a number of at least zero"));
-        }
+    pub fn new(
+        compute: &Compute,
+        offsets: &[f64],
+        noise: ValueNoise,
+        background: BackgroundTerm,
+    ) -> Result<Self> {
         let device = compute.device().clone();
         let kernel = Arc::new(device.kernel("fit", push_bytes::<FitPush>())?);
-        Self::with_kernel(device, kernel, offsets, options)
+        Self::with_kernel((device, kernel), offsets, noise, background)
     }
 
     /// The same fits of curves taken at other offsets, whose values have other noise.
     ///
     /// # Errors
     /// As [`Self::new`].
-    pub(super) fn at(&self, offsets: &[f64], noise: NoiseFactors) -> Result<Self> {
-        let FitOptions { gain, read_noise, .. } = self.options;
-        let options =
-            self.options.with_gain(noise.gain(gain)).with_read_noise(noise.read_noise(read_noise));
-        Self::with_kernel(self.device.clone(), self.kernel.clone(), offsets, &options)
+    pub(super) fn at(&self, offsets: &[f64], noise: ValueNoise) -> Result<Self> {
+        let on_device = (self.device.clone(), self.kernel.clone());
+        Self::with_kernel(on_device, offsets, noise, self.background)
     }
 
     fn with_kernel(
-        device: Arc<Device>,
-        kernel: Arc<Kernel>,
+        (device, kernel): (Arc<Device>, Arc<Kernel>),
         offsets: &[f64],
-        options: &FitOptions,
+        noise: ValueNoise,
+        background: BackgroundTerm,
     ) -> Result<Self> {
         let mut sorted = offsets.to_vec();
         sorted.sort_by(f64::total_cmp);
@@ -201,11 +125,14 @@ impl Fitter {
             half,
             min_width: least / 3.0,
             max_width: 2.0,
-            pedestal: match options.weights {
+            pedestal: match noise.weights {
                 Weights::None => 0.0,
-                Weights::Poisson => single(options.read_noise * options.read_noise / options.gain),
+                Weights::Poisson => {
+                    single(noise.read_noise * noise.read_noise / noise.gain.unwrap_or(1.0))
+                }
             },
-            options: *options,
+            noise,
+            background,
         })
     }
 
@@ -281,7 +208,7 @@ impl Fitter {
         (uploads, fits): (&[Upload<'_>], Download<'_>),
         pace_and_cancel: (&mut Pace, &Cancel),
     ) -> Result<()> {
-        let [fixed, per_area] = match self.options.background {
+        let [fixed, per_area] = match self.background {
             BackgroundTerm::Free => [0.0; 2],
             // The area of a Gaussian is its height times its width times this root.
             BackgroundTerm::PerArea(share) => {
@@ -290,7 +217,7 @@ impl Fitter {
             BackgroundTerm::Value(value) => [single(value) + self.pedestal, 0.0],
         };
         let push = |first, _| FitPush {
-            background_is_free: (self.options.background == BackgroundTerm::Free).into(),
+            background_is_free: (self.background == BackgroundTerm::Free).into(),
             background: fixed,
             background_per_area: per_area,
             steps: self.steps.address(),
@@ -299,9 +226,9 @@ impl Fitter {
             step_count: numbers::count(self.step_count),
             pixel_count: count,
             first,
-            poisson: (self.options.weights == Weights::Poisson).into(),
-            gain: single(self.options.gain),
-            saturation: self.options.saturation.map_or(f32::INFINITY, |y| y + self.pedestal),
+            poisson: (self.noise.weights == Weights::Poisson).into(),
+            gain: single(self.noise.gain.unwrap_or(1.0)),
+            saturation: single(self.noise.saturation) + self.pedestal,
             min_width: single(self.min_width),
             max_width: single(self.max_width),
         };

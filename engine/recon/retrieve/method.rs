@@ -31,6 +31,21 @@ pub enum Method {
     Beamlet,
 }
 
+/// How values of slits become a curve.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Estimator {
+    /// Least squares on the device, of a Gaussian.
+    Device,
+    /// Least squares of [`super::model::Model::of`] on the host.
+    LeastSquares,
+    /// A curve of known width through two points.
+    TwoPoints,
+    /// A Gaussian through three points.
+    ThreePoints,
+    /// Sums over the values.
+    Moments,
+}
+
 impl Choice for Method {
     const CHOICES: &'static [Self] = &Self::ALL;
 
@@ -162,16 +177,14 @@ impl Method {
         }
     }
 
-    /// True for fits of slits on the device.
-    pub(super) const fn is_on_device(self) -> bool {
+    /// How values of slits become a curve.
+    pub(super) const fn estimator(self) -> Estimator {
         match self {
-            Self::Gaussian => true,
-            Self::ThreeStep
-            | Self::TwoStep
-            | Self::Moments
-            | Self::Triangle
-            | Self::ExactCurve
-            | Self::Beamlet => false,
+            Self::Gaussian => Estimator::Device,
+            Self::ThreeStep => Estimator::ThreePoints,
+            Self::TwoStep => Estimator::TwoPoints,
+            Self::Moments => Estimator::Moments,
+            Self::Triangle | Self::ExactCurve | Self::Beamlet => Estimator::LeastSquares,
         }
     }
 

@@ -3,8 +3,10 @@
 use super::curves::Curve;
 use super::equations::{UNKNOWNS, Unknowns, Valued};
 use super::mask_curve::MaskCurve;
+use super::method::Method;
 use super::profile::Profile;
 use super::scan::Points;
+use super::shape::CurveGeometry;
 use super::strips::{Strips, Tables};
 use std::sync::Arc;
 
@@ -37,6 +39,17 @@ pub(super) const fn of_slits([light, x, xx, background]: [f64; 4]) -> Unknowns {
 }
 
 impl Model {
+    /// The curve of slits over mask offsets that a method fits, of closed forms the nearest that there is; `None` of
+    /// beamlets, and without both masks.
+    pub(super) fn of(method: Method, masks: &CurveGeometry) -> Option<Self> {
+        match method {
+            Method::Gaussian | Method::ThreeStep | Method::Moments => Some(Self::gaussian()),
+            Method::Triangle => Some(Self::Trapezoid { top: 0.0 }),
+            Method::ExactCurve | Method::TwoStep => masks.model(),
+            Method::Beamlet => None,
+        }
+    }
+
     /// A Gaussian over offsets along x.
     pub(super) fn gaussian() -> Self {
         Self::Strips(Strips::one([Profile::GAUSSIAN, Profile::ENDLESS], Vec::new()))
@@ -108,13 +121,6 @@ impl Model {
         &tables.values
     }
 
-    /// Values at places along x of the curve of slits.
-    pub(super) fn values(&self, places: impl Iterator<Item = f64>, p: &Unknowns) -> Vec<Valued> {
-        let mut tables = Tables::default();
-        self.evaluate(&Points::along_x(places), p, &mut tables);
-        tables.values
-    }
-
     /// Height above the background: at the centre, or of a list at these points.
     pub(super) fn peak(&self, points: &Points, p: &Unknowns) -> f64 {
         let centre = Points { along: [vec![p[1]], vec![p[2]]], at: vec![[0; 2]] };
@@ -177,7 +183,10 @@ mod tests {
         for top in [0.0, 0.8] {
             let model = Model::Trapezoid { top };
             let p = of_slits([1.0, 0.1, 0.4, 0.0]);
-            let at = |x: f64, p: &Unknowns| model.values(std::iter::once(x), p)[0];
+            let at = |x: f64, p: &Unknowns| {
+                let points = Points::along_x(std::iter::once(x));
+                model.evaluate(&points, p, &mut Tables::default())[0]
+            };
             let [mut area, mut second] = [0.0; 2];
             for k in -30_000..30_000 {
                 let x = (f64::from(k) + 0.5) * 1e-4;

@@ -3,9 +3,9 @@
 use super::background::Background;
 use super::correct::Corrections;
 use super::diagnosis::Region;
-use super::fitter::Weights;
 use super::method::{Method, different_offsets};
 use super::planar::{self, Aperture, Lattice};
+use super::value_noise::Weights;
 use beamlet_core::{Error, Result, setters};
 use beamlet_model::scene::Scene;
 use ndarray::Array3;

@@ -2,18 +2,19 @@
 
 use super::background::Background;
 use super::background_term::BackgroundTerm;
+use super::curve_model::CurveModel;
 use super::curves::{Curve, Fits};
 use super::equations::Valued;
 use super::images::contrasts;
 use super::method::Method;
 use super::misfit::median;
 use super::model::Model;
-use super::noise_factors::NoiseFactors;
 use super::options::RetrieveOptions;
 use super::record::Record;
-use super::retriever::{Layout, Retriever, ViewScan};
+use super::retriever::{Layout, Retriever};
 use super::scan::Points;
 use super::strips::Tables;
+use super::value_noise::NoiseFactors;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::single;
@@ -119,44 +120,53 @@ pub(super) fn enter(
     Ok(())
 }
 
-/// The curve of the masks behind the blur of the set-up.
-struct TrueCurve {
-    model: Model,
-    /// Variances xx and zz of the blur, m^2.
-    blur: [f64; 2],
-    background: BackgroundTerm,
-    /// Number of axes along which the mask is stepped.
-    axes: usize,
+/// A small change of the curves of a flat.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Probe {
+    /// Centre of the curve of the flat, m.
+    pub(super) centre: [f64; 2],
+    /// Displacement of the curve, in its standard deviations.
+    pub(super) shift: f64,
+    /// Dark field as a share of the variance of the curve.
+    pub(super) widened: f64,
 }
 
-impl TrueCurve {
-    /// The curve of a retriever; `None` where it is not known, and of beamlets and lists of apertures.
-    fn of(layout: &Layout) -> Option<Self> {
+impl CurveModel {
+    /// The curve of the masks behind the blur of the set-up; `None` where it is not known, and of beamlets and lists of
+    /// apertures.
+    pub(super) fn of_masks(layout: &Layout) -> Option<Self> {
         match layout {
             Layout::Pixels(slits) => {
                 let masks = slits.shape.masks()?;
-                let background = BackgroundTerm::PerArea(slits.shape.leak);
-                let blur = [masks.spread(), 1.0];
-                Some(Self { model: Model::Masks(masks.clone()), blur, background, axes: 1 })
+                let leak = BackgroundTerm::PerArea(slits.shape.leak);
+                Some(Self::of_slits(Model::Masks(masks.clone()), leak, masks.spread()))
             }
-            Layout::Steps(curves) => {
-                let (model, blur, background) = curves.truth()?;
-                let own = model.own_variances();
-                let blur = [0, 1].map(|axis| blur[axis].max(1e-4 * own[axis]));
-                Some(Self { model, blur, background, axes: 2 })
-            }
+            Layout::Steps(curves) => curves.truth.clone(),
             Layout::Beamlets(_) | Layout::Lattice(..) => None,
         }
     }
 
-    /// Height of a curve of unit light over nothing.
-    fn peak(&self) -> f64 {
-        self.values(&Points::of(&[[0.0; 2]]), 1.0, (0, 0.0))[0][0]
+    /// Variances xx and zz of the blur by the geometry, m^2.
+    fn spread(&self) -> [f64; 2] {
+        let (own, blur) = (self.model.own_variances(), self.blur.unwrap_or_default());
+        [0, 1].map(|axis| blur[axis].max(1e-4 * own[axis]))
     }
 
-    /// Values at points of a curve with this light, changed in one of its unknowns.
-    fn values(&self, points: &Points, light: f64, (unknown, by): (usize, f64)) -> Vec<Valued> {
-        let mut p = [light, 0.0, 0.0, self.blur[0], self.blur[1], 0.0, 0.0];
+    /// Height of a curve of unit light over nothing.
+    fn peak(&self) -> f64 {
+        self.values(&Points::of(&[[0.0; 2]]), 1.0, [0.0; 2], (0, 0.0))[0][0]
+    }
+
+    /// Values at points of a curve with this light and centre, changed in one of its unknowns.
+    fn values(
+        &self,
+        points: &Points,
+        light: f64,
+        [x, z]: [f64; 2],
+        (unknown, by): (usize, f64),
+    ) -> Vec<Valued> {
+        let [xx, zz] = self.spread();
+        let mut p = [light, x, z, xx, zz, 0.0, 0.0];
         p[unknown] += by;
         p[6] = self.background.of_area(p[0]).unwrap_or(0.0);
         let mut tables = Tables::default();
@@ -171,21 +181,37 @@ impl Retriever {
     /// # Errors
     /// [`beamlet_core::Error::Device`], [`beamlet_core::Error::Memory`].
     pub fn response(&self) -> Result<Option<Response>> {
-        let Some(truth) = TrueCurve::of(self.layout()) else { return Ok(None) };
+        let probe = Probe { centre: [0.0; 2], shift: SHIFT, widened: WIDENED };
+        let truth = CurveModel::of_masks(self.layout());
+        truth.map(|truth| self.response_to(&truth, probe, None)).transpose()
+    }
+
+    /// The response to curves of this truth. `offsets`: of the sample, m; `None`: of the flat.
+    ///
+    /// # Errors
+    /// As [`Retriever::response`].
+    pub(super) fn response_to(
+        &self,
+        truth: &CurveModel,
+        Probe { centre, shift, widened }: Probe,
+        offsets: Option<&[[f64; 2]]>,
+    ) -> Result<Response> {
         let scale = self.options().gain.map_or(1.0, |gain| PHOTONS * gain) / truth.peak();
-        let own = truth.model.own_variances();
-        let variances = [0, 1].map(|axis| own[axis] + truth.blur[axis]);
-        let shifts = variances.map(|variance| SHIFT * variance.sqrt());
+        let (own, spread) = (truth.model.own_variances(), truth.spread());
+        let variances = [0, 1].map(|axis| own[axis] + spread[axis]);
+        let shifts = variances.map(|variance| shift * variance.sqrt());
         let mut changes = vec![(0, (TRANSMISSION - 1.0) * scale)];
-        for axis in 0..truth.axes {
-            changes.extend([(1 + axis, shifts[axis]), (3 + axis, WIDENED * variances[axis])]);
+        for axis in truth.axes() {
+            changes.extend([(1 + axis, shifts[*axis]), (3 + axis, widened * variances[*axis])]);
         }
-        let points = Points::of(self.flat_offsets());
-        let curves = |changes: &[(usize, f64)]| -> Vec<Vec<Valued>> {
-            changes.iter().map(|change| truth.values(&points, scale, *change)).collect()
+        let curves = |offsets: &[[f64; 2]], changes: &[(usize, f64)]| -> Vec<Vec<Valued>> {
+            let points = Points::of(offsets);
+            changes.iter().map(|change| truth.values(&points, scale, centre, *change)).collect()
         };
-        let flat = self.fits_of(&curves(&vec![(0, 0.0); changes.len()]), None)?;
-        let sample = self.fits_of(&curves(&changes), Some(&flat))?;
+        let unchanged = vec![(0, 0.0); changes.len()];
+        let flat = self.fits_of(&curves(self.flat_offsets(), &unchanged), None, None)?;
+        let sample = curves(offsets.unwrap_or(self.flat_offsets()), &changes);
+        let sample = self.fits_of(&sample, offsets, Some(&flat))?;
         let angle = self.angle_per_shift();
         let found = |pixel: usize, contrast: usize| {
             let [flat, sample] =
@@ -193,25 +219,25 @@ impl Retriever {
             let pair = flat.zip(sample);
             pair.map_or(f64::NAN, |(flat, sample)| contrasts(&flat, &sample, angle)[contrast])
         };
-        let of_axis = |axis: usize| {
+        let of_axis = |axis: &usize| {
             let at = 1 + 2 * axis;
             [
-                found(at, 1 + axis) / (angle * shifts[axis]),
-                found(at + 1, 3 + axis) / (angle * angle * WIDENED * variances[axis]),
+                found(at, 1 + axis) / (angle * shifts[*axis]),
+                found(at + 1, 3 + axis) / (angle * angle * widened * variances[*axis]),
             ]
         };
         let worse = |a: f64, b: f64| match (b - 1.0).abs() > (a - 1.0).abs() || b.is_nan() {
             true => b,
             false => a,
         };
-        let all = (0..truth.axes).map(of_axis);
+        let all = truth.axes().iter().map(of_axis);
         let [refraction, dark_field] =
             all.reduce(|a, b| [0, 1].map(|k| worse(a[k], b[k]))).unwrap_or([f64::NAN; 2]);
-        Ok(Some(Response {
+        Ok(Response {
             transmission: found(0, 0) / TRANSMISSION,
             refraction,
             dark_field: self.has_width().then_some(dark_field),
-        }))
+        })
     }
 
     /// Residual of the method's fit to the curve of the masks at the flat's offsets, rms over the height; 0 where this
@@ -220,7 +246,8 @@ impl Retriever {
     /// # Errors
     /// [`beamlet_core::Error::Device`], [`beamlet_core::Error::Memory`].
     pub(super) fn misfit_of_masks(&self) -> Result<f64> {
-        let (Some(truth), Some(flat)) = (TrueCurve::of(self.layout()), self.flat_curves()) else {
+        let truth = CurveModel::of_masks(self.layout());
+        let (Some(truth), Some(flat)) = (truth, self.flat_curves()) else {
             return Ok(0.0);
         };
         let middle =
@@ -229,18 +256,23 @@ impl Retriever {
         let height = middle(&|curve| curve.amplitude).unwrap_or(1.0);
         let from_centre = |offset: &[f64; 2]| [0, 1].map(|axis| offset[axis] - centre[axis]);
         let places: Vec<[f64; 2]> = self.flat_offsets().iter().map(from_centre).collect();
-        let values = truth.values(&Points::of(&places), height / truth.peak(), (0, 0.0));
-        let fit = self.fits_of(&[values], None)?.curve(0);
+        let light = height / truth.peak();
+        let values = truth.values(&Points::of(&places), light, [0.0; 2], (0, 0.0));
+        let fit = self.fits_of(&[values], None, None)?.curve(0);
         Ok(fit.map_or(0.0, |fit| fit.residual / fit.amplitude))
     }
 
-    /// Fits of curves with these values at the flat's offsets. `flat`: of a sample, the curves of its flat.
-    fn fits_of(&self, curves: &[Vec<Valued>], flat: Option<&Fits>) -> Result<Fits> {
-        let offsets = self.flat_offsets();
-        let shape = (offsets.len(), 1, curves.len());
+    /// Fits of curves with these values. `offsets`: `None`: the flat's; `flat`: of a sample, the curves of its flat.
+    fn fits_of(
+        &self,
+        curves: &[Vec<Valued>],
+        offsets: Option<&[[f64; 2]]>,
+        flat: Option<&Fits>,
+    ) -> Result<Fits> {
+        let scan = self.scan_at(offsets, NoiseFactors::ONE)?;
+        let shape = (scan.offsets.len(), 1, curves.len());
         let frames =
             Array3::from_shape_fn(shape, |(step, _, pixel)| single(curves[pixel][step][0]));
-        let scan = ViewScan::of(offsets, NoiseFactors::ONE, self.layout().fitter(), true)?;
         self.curves((frames, 0), &scan, flat.map(|flat| (flat, 0)), &Cancel::default())
     }
 }

@@ -24,7 +24,6 @@ pub(super) use layout::Layout;
 use ndarray::{Array2, Array3, ArrayView3, s};
 use std::ops::Range;
 pub(crate) use view_scan::Corrected;
-pub(super) use view_scan::ViewScan;
 use view_scan::ViewScans;
 
 /// Bytes of a band of rows with all its steps, for fits on the device; on the host, where a band
@@ -228,11 +227,9 @@ impl Retriever {
             images.take(first..first + curves.len(), of, self.angle_per_shift);
             Ok(())
         })?;
-        if flat.widths.iter().any(Option::is_some) {
-            let contrasts = [0, 1].map(|axis| {
-                let width = flat.widths[axis].unwrap_or(f64::NAN);
-                misfit::contrasts(axis, self.angle_per_shift.abs() * width)
-            });
+        if flat.widths.iter().any(|width| width.is_finite()) {
+            let of_axis = |axis: usize| self.angle_per_shift.abs() * flat.widths[axis];
+            let contrasts = [0, 1].map(|axis| misfit::contrasts(axis, of_axis(axis)));
             let count = if self.layout.is_planar() { 2 } else { 1 };
             misfit::mark(&mut images, contrasts[..count].as_flattened());
         }

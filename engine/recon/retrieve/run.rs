@@ -31,7 +31,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::path::Path;
 use std::time::Instant;
-use views::{Correcting, ScanOf, Tools};
+use views::Views;
 
 /// Where images go.
 #[derive(Debug, Clone, Copy)]
@@ -280,8 +280,17 @@ fn retrieve_to(
     let mut output = Output { put, record, value, cancel: cancel.clone() };
     put_flat(&input, &retriever, joined.as_ref(), &mut output)?;
     let bad = input.bad_pixels();
-    let scan = ScanOf::new(&input, joined.as_ref(), bad.as_ref());
-    retrieve_views(scan, &options, &mut retriever, &mut diagnosis, &mut output, &mut inner)?;
+    let corrector = Corrector::of(&retriever, &input, &options)?;
+    let views = Views {
+        input: &input,
+        joined: joined.as_ref(),
+        bad: bad.as_ref(),
+        retriever: &mut retriever,
+        diagnosis: &mut diagnosis,
+        corrector,
+        corrections: Vec::new(),
+    };
+    retrieve_views(views, &options, &mut output, &mut inner)?;
     let mut record = output.record;
     let of_input = input.warnings().iter().cloned().chain(input.other_optics(options.method()));
     diagnosis.finish(&mut record, &retriever, &of_input.collect::<Vec<_>>())?;
@@ -334,50 +343,25 @@ fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptio
     Ok(options.with_saturation(input.saturation()).with_read_noise(noise))
 }
 
-/// Retrieves and hands over the images of every view, with corrections and phase where `options` has them,
-/// and enters the results of all views into the record.
+/// Retrieves and hands over the images of every angle, and of its flat if it has one, with corrections and phase where
+/// `options` has them, and enters the results of all into the record.
 fn retrieve_views(
-    scan: ScanOf<'_>,
+    mut views: Views<'_>,
     options: &RetrieveOptions,
-    retriever: &mut Retriever,
-    diagnosis: &mut Diagnosis,
     output: &mut Output<'_>,
     control: &mut RowsControl<'_>,
 ) -> Result<()> {
-    let input = scan.input;
     let [angles, ..] = output.record.shape;
-    let phases =
-        options.phase.then(|| PhaseImages::new(retriever.geometry(input, angles))).transpose()?;
-    let mut correcting = match Corrector::of(retriever, input, options)? {
-        None => None,
-        Some(corrector) => {
-            output.record.correct = options.correct.names();
-            let empty = Corrector::named(retriever, options, input.frame())?;
-            Some(Correcting::new(corrector, empty))
-        }
+    let mut phases = match options.phase {
+        true => Some(PhaseImages::new(views.retriever.geometry(views.input, angles))?),
+        false => None,
     };
-    put_angles(output, phases, |angle| {
-        let mut tools = Tools::new(diagnosis, correcting.as_mut());
-        scan.angle(angle, retriever, &mut tools, control)
-    })?;
-    output.record.corrections = correcting.map_or_else(Vec::new, Correcting::views);
-    Ok(())
-}
-
-/// Hands over the images of every angle, and of its flat if it has one, with the phase if `phases` is given, and enters
-/// the results of all angles into the record.
-fn put_angles(
-    output: &mut Output<'_>,
-    mut phases: Option<PhaseImages>,
-    mut images_of: impl FnMut(usize) -> Result<(Images, Option<Images>)>,
-) -> Result<()> {
-    let [angles, ..] = output.record.shape;
     if phases.is_some() {
         output.enter(PHASE);
     }
     let mut residuals = Vec::new();
     for angle in 0..angles {
-        let (retrieved, of_flats) = images_of(angle)?;
+        let (retrieved, of_flats) = views.angle(angle, control)?;
         for (name, image) in of_flats.iter().flat_map(Images::iter).chain(retrieved.iter()) {
             output.put(name, angles, image.view())?;
         }
@@ -391,5 +375,7 @@ fn put_angles(
     let record = &mut output.record;
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.drift = phases.map(|phases| phases.drift());
+    record.correct = options.correct.names();
+    record.corrections = views.corrections;
     Ok(())
 }

@@ -1,21 +1,86 @@
 //! Values that fits take, and their noise.
 
-use super::fitter::Weights;
 use super::flags;
-use super::noise_factors::NoiseFactors;
 use super::options::RetrieveOptions;
+use beamlet_core::options::{Choice, Word};
+use serde::Serialize;
+
+/// How values of a curve count in a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize)]
+#[serde(rename_all = "kebab-case")]
+#[non_exhaustive]
+pub enum Weights {
+    /// All the same.
+    #[default]
+    None,
+    /// One over the variance of counts, from the fitted curve: the fit is the maximum of the
+    /// Poisson likelihood.
+    Poisson,
+}
+
+impl Choice for Weights {
+    const CHOICES: &'static [Self] = &[Self::None, Self::Poisson];
+
+    fn word(self) -> Word {
+        match self {
+            Self::None => Word { name: "none", help: "Equal weights" },
+            Self::Poisson => Word {
+                name: "poisson",
+                help: "For counts, from the fit: the maximum of the Poisson likelihood",
+            },
+        }
+    }
+}
+
+/// Factors of the noise of values, relative to values of single frames.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct NoiseFactors {
+    /// Factor of the variance over the mean.
+    gain: f64,
+    /// Factor of the standard deviation without light.
+    read_noise: f64,
+}
+
+impl NoiseFactors {
+    /// Values as they are in the frames.
+    pub(crate) const ONE: Self = Self::multiplied(1.0);
+
+    /// Values that were multiplied by this factor.
+    pub(crate) const fn multiplied(factor: f64) -> Self {
+        Self { gain: factor, read_noise: factor }
+    }
+
+    /// Interpolated values: `share` of one frame and the rest of another, with the variance of a single
+    /// frame times (1 − share)² + share².
+    pub(crate) fn interpolated(share: f64) -> Self {
+        let variance = libm::fma(share, share, (1.0 - share).powi(2));
+        Self { gain: variance, read_noise: variance.sqrt() }
+    }
+
+    /// True if the values have the noise of single frames.
+    pub(crate) fn is_one(self) -> bool {
+        self == Self::ONE
+    }
+}
 
 /// Noise and limits that all curves of flat or sample share.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct ValueNoise {
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ValueNoise {
     /// Values from here on are left out.
-    pub(super) saturation: f64,
+    pub saturation: f64,
     /// Value of one count, where the values are counts.
-    pub(super) gain: Option<f64>,
+    pub gain: Option<f64>,
     /// Standard deviation of a value without light.
-    pub(super) read_noise: f64,
+    pub read_noise: f64,
     /// Weights of the values.
-    pub(super) weights: Weights,
+    pub weights: Weights,
+}
+
+impl Default for ValueNoise {
+    /// Intensities without weights and noise, of which all count.
+    fn default() -> Self {
+        Self { saturation: f64::INFINITY, gain: None, read_noise: 0.0, weights: Weights::None }
+    }
 }
 
 impl ValueNoise {
@@ -23,8 +88,8 @@ impl ValueNoise {
     pub(super) fn of(options: &RetrieveOptions, factors: NoiseFactors) -> Self {
         Self {
             saturation: options.saturation.map_or(f64::INFINITY, f64::from),
-            gain: options.gain.map(|gain| factors.gain(gain)),
-            read_noise: factors.read_noise(options.read_noise),
+            gain: options.gain.map(|gain| factors.gain * gain),
+            read_noise: factors.read_noise * options.read_noise,
             weights: options.weights,
         }
     }

@@ -41,17 +41,12 @@ impl Corrections {
     pub fn parse(text: &str) -> Result<Self> {
         let mut chosen = Self::default();
         for word in text.split(',').map(str::trim) {
-            let place = match word {
-                "offset" => &mut chosen.offset,
-                "plane" => &mut chosen.plane,
-                "dose" => &mut chosen.dose,
-                "steps" => &mut chosen.steps,
-                _ => {
-                    let allowed = "offset, plane, dose and steps, with commas between them";
-                    return Err(Error::argument("correct", format!("{word:?}"), allowed));
-                }
+            let Some(at) = Self::NAMES.iter().position(|name| *name == word) else {
+                let allowed = "offset, plane, dose and steps, with commas between them";
+                return Err(Error::argument("correct", format!("{word:?}"), allowed));
             };
-            *place = true;
+            let Self { offset, plane, dose, steps } = &mut chosen;
+            *[offset, plane, dose, steps][at] = true;
         }
         Ok(chosen)
     }

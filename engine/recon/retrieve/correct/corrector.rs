@@ -3,14 +3,14 @@
 use super::chosen::{Corrections, Plane, ViewCorrection};
 use super::equations::Unknowns;
 use super::frames;
-use super::pixels::{FlatPixel, PixelCurves, PixelSet, Rectangle, chosen_pixels};
+use super::pixels::{FlatPixel, PixelSet, Rectangle, chosen_pixels, curves_of};
 use super::plane::{FittedPlane, Slopes};
+use crate::retrieve::curve_model::CurveModel;
 use crate::retrieve::diagnosis::{Borders, is_usable};
 use crate::retrieve::images::{FLAGS, Images};
 use crate::retrieve::input::Input;
-use crate::retrieve::misfit::median;
-use crate::retrieve::noise_factors::NoiseFactors;
 use crate::retrieve::retriever::{Corrected, ImagePlaces};
+use crate::retrieve::value_noise::NoiseFactors;
 use crate::retrieve::{RetrieveOptions, Retriever};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result, numbers};
@@ -28,8 +28,10 @@ pub(crate) struct Corrector {
     chosen: Corrections,
     options: RetrieveOptions,
     /// Curves of the pixels of frames, where their doses or offsets are corrected.
-    curves: Option<PixelCurves>,
+    curves: Option<CurveModel>,
     places: ImagePlaces,
+    /// Pixels of empty beam of the images, where they are named.
+    named: Option<Vec<Rectangle>>,
     /// Frames of a view or of the flat, the greater number.
     frames: usize,
     /// Pixels of the flat of all views, with the pixels that they are of.
@@ -67,7 +69,8 @@ impl Corrector {
     /// `None` where nothing is to be corrected.
     ///
     /// # Errors
-    /// [`Error::Argument`] for corrections that the method or the set-up does not have.
+    /// [`Error::Argument`] for corrections that the method or the set-up does not have, and where the empty beam is no
+    /// part of the frame.
     pub(crate) fn of(
         retriever: &Retriever,
         input: &Input,
@@ -92,7 +95,7 @@ impl Corrector {
             return refused("dose or steps with a list of apertures", allowed);
         }
         let of_frames = chosen.of_frames() && !layout.has_beamlets();
-        let curves = if of_frames { PixelCurves::of(layout) } else { None };
+        let curves = if of_frames { curves_of(layout) } else { None };
         if of_frames && curves.is_none() {
             return refused("dose or steps without two masks", "offset and plane");
         }
@@ -101,22 +104,18 @@ impl Corrector {
             options: options.clone(),
             curves,
             places: retriever.image_places(input),
+            named: match &options.empty_beam {
+                Some(region) => Some(retriever.curves_within(&region.within(input.frame())?)?),
+                None => None,
+            },
             frames: retriever.steps().max(1),
             flat: None,
         }))
     }
 
     /// The empty beam that was named, in pixels of the images; `None` where it is to be found.
-    ///
-    /// # Errors
-    /// [`Error::Argument`] where it is no part of the frame.
-    pub(crate) fn named(
-        retriever: &Retriever,
-        options: &RetrieveOptions,
-        frame: [usize; 2],
-    ) -> Result<Option<Vec<Rectangle>>> {
-        let Some(region) = &options.empty_beam else { return Ok(None) };
-        retriever.curves_within(&region.within(frame)?).map(Some)
+    pub(crate) fn named(&self) -> Option<&[Rectangle]> {
+        self.named.as_deref()
     }
 
     /// Empty beam at both sides of the images of a view: strips that have one transmission, one refraction
@@ -130,10 +129,8 @@ impl Corrector {
         retriever: &Retriever,
     ) -> Result<Vec<Rectangle>> {
         // Refraction of a shift by a width of the flat's curve.
-        let angles = [0, 1].map(|axis| {
-            let widths = retriever.flat_curves().map(|flat| flat.widths(axis)).unwrap_or_default();
-            (median(widths).unwrap_or(f64::NAN) * retriever.angle_per_shift()).abs()
-        });
+        let angles =
+            retriever.flat_widths().map(|width| (width * retriever.angle_per_shift()).abs());
         let (rows, columns) = images.get(FLAGS).map_or((0, 0), ndarray::Array2::dim);
         match Borders::of(images, [rows, columns], angles) {
             Some(borders) => {
@@ -162,7 +159,7 @@ impl Corrector {
         cancel: &Cancel,
     ) -> Result<Option<(FrameCorrection, ViewCorrection)>> {
         let Some(curves) = &self.curves else { return Ok(None) };
-        let (pixels, count) = chosen_pixels(input.frame(), empty, curves.axes());
+        let (pixels, count) = chosen_pixels(input.frame(), empty, curves.axes().len());
         let nominal = retriever.offsets_of_view(view)?;
         let flat_offsets = retriever.flat_offsets();
         if self.flat.as_ref().is_none_or(|(of, _)| *of != pixels) || input.has_flats() {
@@ -187,7 +184,7 @@ impl Corrector {
             return Err(Error::argument("empty_beam", found, allowed));
         }
         let (dose, steps) = (self.chosen.dose, self.chosen.steps);
-        let of = Unknowns { frames: nominal.len(), dose, steps, axes: curves.axes() };
+        let of = Unknowns { frames: nominal.len(), dose, steps, axes: curves.axes().len() };
         let unsolved = |what: &str| {
             let allowed = "frames on both slopes of the illumination curve";
             Err(Error::argument("correct", format!("{what} of view {view}: unknown"), allowed))

@@ -7,7 +7,7 @@
 
 use super::pixels::{Pixel, PixelSet};
 use crate::retrieve::diagnosis::FittedCurve;
-use crate::retrieve::equations::{Equations, UNKNOWNS, Unknowns as OfCurve};
+use crate::retrieve::equations::{Equations, Unknowns as OfCurve};
 use rayon::prelude::*;
 
 /// Least expected value, as a share of the amplitude, for the variance of a value.
@@ -137,7 +137,7 @@ impl PixelSet<'_> {
         let inner = near(&inner);
         let systematic = inner.len() as f64 * SYSTEMATIC.powi(2);
         for row in inner {
-            system.add_inner(row, of, noise, systematic)?;
+            system.add_inner(row, of, noise, systematic);
         }
         system.noise.is_finite().then_some(system)
     }
@@ -234,27 +234,16 @@ impl System {
 
     /// Adds a pixel without the part that its own curve follows. `systematic`: variance of what all pixels
     /// have in common, over the squared largest value.
-    fn add_inner(&mut self, row: &Row, of: Unknowns, noise: f64, systematic: f64) -> Option<()> {
+    fn add_inner(&mut self, row: &Row, of: Unknowns, noise: f64, systematic: f64) {
         let more = systematic * row.most().powi(2);
         let weights: Vec<f64> =
             row.variance.iter().map(|variance| 1.0 / libm::fma(noise, *variance, more)).collect();
-        let mut equations = row.equations.clone();
-        for ((slope, weight), residual) in row.own.iter().zip(&weights).zip(&row.residual) {
-            equations.add(slope, *weight, *residual);
-        }
-        let Some(inverse) = equations.inverse() else { return Some(()) };
+        let Some(influence) = row.equations.influence(&row.own, &weights) else { return };
         // Weights less the part that the own curve follows.
-        let half: Vec<OfCurve> = row
-            .own
-            .iter()
-            .map(|s| std::array::from_fn(|j| (0..UNKNOWNS).map(|i| s[i] * inverse[i][j]).sum()))
-            .collect();
         for k in 0..of.frames {
             for l in 0..of.frames {
-                let follows: f64 =
-                    half[k].iter().zip(row.own[l]).map(|(half, own)| half * own).sum();
                 let own = if k == l { weights[k] } else { 0.0 };
-                let weight = libm::fma(-weights[k] * follows, weights[l], own);
+                let weight = libm::fma(-weights[k] * influence[k][l], weights[l], own);
                 self.squares += weight * row.residual[k] * row.residual[l];
                 for (i, slope) in of.of(k).zip(row.slopes[k]) {
                     self.right[i] += weight * slope * row.residual[l];
@@ -264,6 +253,5 @@ impl System {
                 }
             }
         }
-        Some(())
     }
 }

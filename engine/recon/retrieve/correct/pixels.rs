@@ -2,14 +2,13 @@
 
 use super::equations::Unknowns;
 use crate::retrieve::background_term::BackgroundTerm;
-use crate::retrieve::diagnosis::{CurveModel, FittedCurve};
+use crate::retrieve::curve_model::CurveModel;
+use crate::retrieve::diagnosis::FittedCurve;
 use crate::retrieve::fit::fit_slits;
-use crate::retrieve::fitter::Weights;
 use crate::retrieve::misfit::median;
-use crate::retrieve::planar::PlanarModel;
 use crate::retrieve::retriever::Layout;
 use crate::retrieve::scan::{Scan, along};
-use crate::retrieve::value_noise::ValueNoise;
+use crate::retrieve::value_noise::{NoiseFactors, ValueNoise, Weights};
 use crate::retrieve::{RetrieveOptions, flags, quadrature};
 use beamlet_core::numbers;
 use beamlet_core::random::GOLDEN;
@@ -46,7 +45,7 @@ pub(super) struct PixelSet<'a> {
     /// Median widths and centre of the curves of the empty beam along x and z, m.
     pub(super) widths: [f64; 2],
     pub(super) centre: [f64; 2],
-    curves: &'a PixelCurves,
+    curves: &'a CurveModel,
     options: &'a RetrieveOptions,
 }
 
@@ -62,13 +61,13 @@ impl FlatPixel {
     pub(super) fn all(
         values: Vec<Vec<f64>>,
         offsets: &[[f64; 2]],
-        curves: &PixelCurves,
+        curves: &CurveModel,
         options: &RetrieveOptions,
     ) -> Vec<Option<Self>> {
-        let scan = curves.scan(offsets, options);
+        let scan = scan(curves, offsets, options);
         let of = |values: Vec<f64>| {
             let is_whole = values.iter().all(|value| value.is_finite());
-            let curve = is_whole.then(|| curves.fit(&scan, &values, None)).flatten()?;
+            let curve = is_whole.then(|| fit(curves, &scan, &values, None)).flatten()?;
             Some(Self { curve, values })
         };
         values.into_par_iter().map(of).collect()
@@ -97,7 +96,7 @@ impl<'a> PixelSet<'a> {
         empty: usize,
         inner: bool,
         offsets: [&'a [[f64; 2]]; 2],
-        curves: &'a PixelCurves,
+        curves: &'a CurveModel,
         options: &'a RetrieveOptions,
     ) -> Self {
         let frames = offsets[1].len();
@@ -137,81 +136,58 @@ impl<'a> PixelSet<'a> {
         let offsets = of.displaced(at, self.offsets, self.widths);
         let values: Vec<f64> =
             pixel.values.iter().enumerate().map(|(k, y)| y * (-at[of.dose(k)]).exp()).collect();
-        self.curves.fit(&self.curves.scan(&offsets, self.options), &values, Some(&pixel.curve))
+        let scan = scan(self.curves, &offsets, self.options);
+        fit(self.curves, &scan, &values, Some(&pixel.curve))
     }
 }
 
-/// Curves of the pixels of frames, by the masks where the scene knows them.
-#[derive(Debug)]
-pub(super) enum PixelCurves {
-    /// Slits, with the variance of their blur by the geometry, m^2.
-    Slits(CurveModel, f64),
-    /// Steps along x and z.
-    Planar(CurveModel, PlanarModel),
+/// Curves of the pixels of frames, by the masks where the scene knows them; `None` of beamlets, of one mask of slits and
+/// of lists of apertures.
+pub(super) fn curves_of(layout: &Layout) -> Option<CurveModel> {
+    match layout {
+        Layout::Pixels(slits) => {
+            let (model, spread) = (slits.shape.model()?, slits.shape.spread());
+            Some(CurveModel::of_slits(model, BackgroundTerm::Free, spread))
+        }
+        Layout::Steps(curves) if curves.is_of_list() => None,
+        Layout::Steps(curves) => Some(curves.of_masks()),
+        Layout::Beamlets(_) | Layout::Lattice(..) => None,
+    }
 }
 
-impl PixelCurves {
-    /// The curves of a retriever; `None` of beamlets, of one mask of slits and of lists of apertures.
-    pub(super) fn of(layout: &Layout) -> Option<Self> {
-        match layout {
-            Layout::Pixels(slits) => {
-                let (model, background) = (slits.shape.model()?, BackgroundTerm::Free);
-                let of = CurveModel { model, background, is_planar: false };
-                Some(Self::Slits(of, slits.shape.spread()))
-            }
-            Layout::Steps(curves) if curves.is_of_list() => None,
-            Layout::Steps(curves) => {
-                let fit = curves.of_masks();
-                let (model, background) = (fit.model.clone(), fit.background);
-                Some(Self::Planar(CurveModel { model, background, is_planar: true }, fit))
-            }
-            Layout::Beamlets(_) | Layout::Lattice(..) => None,
-        }
+/// Values of pixels at these offsets.
+fn scan(curves: &CurveModel, offsets: &[[f64; 2]], options: &RetrieveOptions) -> Scan {
+    let noise = ValueNoise {
+        saturation: f64::INFINITY,
+        weights: Weights::None,
+        ..ValueNoise::of(options, NoiseFactors::ONE)
+    };
+    if curves.is_planar {
+        return curves.scan(offsets.to_vec(), noise);
     }
+    let x = along(offsets, 0);
+    Scan::along_x(&x, quadrature::trapezoids(&x), noise, curves.background)
+}
 
-    /// Axes of the steps.
-    pub(super) const fn axes(&self) -> usize {
-        let (Self::Slits(of, _) | Self::Planar(of, _)) = self;
-        of.axes().len()
-    }
-
-    /// Values of pixels at these offsets.
-    fn scan(&self, offsets: &[[f64; 2]], options: &RetrieveOptions) -> Scan {
-        let noise = ValueNoise {
-            saturation: f64::INFINITY,
-            gain: options.gain,
-            read_noise: options.read_noise,
-            weights: Weights::None,
-        };
-        match self {
-            Self::Slits(of, _) => {
-                let x = along(offsets, 0);
-                Scan::along_x(&x, quadrature::trapezoids(&x), noise, of.background)
-            }
-            Self::Planar(of, _) => Scan::new(offsets.to_vec(), noise, of.background),
+/// The curve through values: of slits five or more determine its blur; fewer take the blur of the geometry. `near`:
+/// a curve near it, as the flat's.
+fn fit(
+    curves: &CurveModel,
+    scan: &Scan,
+    values: &[f64],
+    near: Option<&FittedCurve>,
+) -> Option<FittedCurve> {
+    let curve = values.iter().map(|value| numbers::single(*value));
+    let found = match near {
+        _ if !curves.is_planar => {
+            let blur = curves.blur.filter(|_| values.len() < 5).map(|[xx, _]| xx);
+            fit_slits(&curves.model, scan, curve, blur)
         }
-    }
-
-    /// The curve through values: of slits five or more determine its blur; fewer take the blur of the geometry. `near`:
-    /// a curve near it, as the flat's.
-    fn fit(&self, scan: &Scan, values: &[f64], near: Option<&FittedCurve>) -> Option<FittedCurve> {
-        let curve = values.iter().map(|value| numbers::single(*value));
-        let (of, found) = match self {
-            Self::Slits(of, spread) => {
-                let blur = (values.len() < 5).then_some(*spread);
-                (of, fit_slits(&of.model, scan, curve, blur))
-            }
-            Self::Planar(of, model) => match near {
-                Some(near) => (of, model.fit_from(scan, curve, near.unknowns())),
-                None => (of, model.fit(scan, curve, None, None)),
-            },
-        };
-        let odd = flags::NO_ANSWER | flags::OUTSIDE;
-        if found.flags & odd != 0 {
-            return None;
-        }
-        FittedCurve::new(of, &found)
-    }
+        Some(near) => curves.fit_from(scan, curve, near.unknowns()),
+        None => curves.fit(scan, curve, None, None),
+    };
+    let odd = flags::NO_ANSWER | flags::OUTSIDE;
+    (found.flags & odd == 0).then(|| FittedCurve::new(curves, &found)).flatten()
 }
 
 /// Pixels of empty beam by columns, then pixels of the rest, counted over rows, with the number of the first.

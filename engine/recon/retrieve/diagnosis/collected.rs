@@ -3,18 +3,19 @@
 use super::borders::Borders;
 use super::chi_square::{self, PixelResiduals};
 use super::empty_beam::{self, EmptyBeam, EmptyBeamOfView};
-use super::fitted::{CurveModel, FittedCurve};
+use super::fitted::FittedCurve;
 use super::leverage::Leverage;
 use super::light::{self, LightCounts};
 use super::moments::{MomentsCheck, MomentsErrors};
 use super::steps::{self, PixelSteps, STEADY, STEADY_IN_AIR, Unsteady};
-use super::warnings::{self, Findings};
+use super::warnings;
 use super::watched::Watched;
+use crate::retrieve::curve_model::CurveModel;
 use crate::retrieve::curves::Fits;
 use crate::retrieve::images::Images;
 use crate::retrieve::misfit::median;
 use crate::retrieve::retriever::Corrected;
-use crate::retrieve::scan::along;
+use crate::retrieve::value_noise::ValueNoise;
 use crate::retrieve::{Method, Record, RetrieveOptions, Retriever, Weights};
 use beamlet_core::{Result, numbers};
 use ndarray::Array3;
@@ -35,18 +36,12 @@ pub(crate) struct Diagnosis {
     model: Option<CurveModel>,
     /// Offsets of the sample's steps if equal to the flat's; else empty.
     offsets: Vec<[f64; 2]>,
-    /// Refraction angle per shift of a centre, rad/m.
-    angle_per_shift: f64,
-    /// True if values were measured: simulated ones have no faults of a laboratory.
-    measured: bool,
     flat: Watched,
     sample: Watched,
     empty: Option<Empty>,
     /// For the method `moments`.
     moments: Option<MomentsCheck>,
-    /// Median widths of the flat's curves along x and z, m.
-    widths: [f64; 2],
-    found: Found,
+    found: Findings,
 }
 
 /// A view that was retrieved.
@@ -87,20 +82,31 @@ struct FittedPixel {
     misfit: f64,
 }
 
-/// Values collected from the views so far.
-#[derive(Debug, Default)]
-struct Found {
-    views: usize,
-    light: LightCounts,
+/// Findings of the views so far, with what their sizes are told in.
+#[derive(Debug)]
+pub(super) struct Findings {
+    pub(super) views: usize,
+    pub(super) light: LightCounts,
+    /// Values of the sample below zero.
     negative: u64,
-    /// Reduced chi squared of views: of the fits, and beyond the residuals of the flat.
-    chi_squares: Vec<[f64; 2]>,
-    unsteady: Vec<(usize, Unsteady)>,
+    /// For each view the reduced chi squared of the fits, and beyond the residuals of the flat.
+    pub(super) chi_squares: Vec<[f64; 2]>,
+    /// True if the gain is known, not assumed.
+    pub(super) is_noise_known: bool,
+    pub(super) unsteady: Vec<(usize, Unsteady)>,
     /// Residuals of the flat beyond noise, rms, over the height of the curve, by view.
     misfits: Vec<f64>,
-    moments: Vec<(usize, MomentsErrors)>,
-    borders: Vec<(usize, Borders)>,
-    divided: usize,
+    pub(super) moments: Vec<(usize, MomentsErrors)>,
+    pub(super) borders: Vec<(usize, Borders)>,
+    /// Views that do not follow the flat.
+    pub(super) divided: usize,
+    /// True if values were measured: simulated ones have no faults of a laboratory.
+    pub(super) measured: bool,
+    /// Median widths of the flat's curves along x and z, m.
+    pub(super) widths: [f64; 2],
+    /// Refraction angle per shift of a centre, rad/m.
+    pub(super) angle_per_shift: f64,
+    pub(super) is_beamlet: bool,
 }
 
 impl Diagnosis {
@@ -130,20 +136,31 @@ impl Diagnosis {
         let [of_flat, of_sample] = retriever.offsets();
         let is_one = of_flat == of_sample;
         let is_moments = options.method() == Method::Moments;
-        let slits = retriever.layout().slits().filter(|_| is_moments);
-        let moments = slits.and_then(|slits| MomentsCheck::of(&slits.shape, &along(of_flat, 0)));
+        let model = retriever.layout().curve_model().filter(|of| !of.model.is_list());
         Ok(Self {
             options: options.clone(),
-            model: retriever.curve_model(),
+            model: model.cloned(),
             offsets: if is_one { of_flat.to_vec() } else { Vec::new() },
-            angle_per_shift: retriever.angle_per_shift(),
-            measured,
             sample: flat.again(),
             flat,
             empty,
-            moments,
-            widths: [f64::NAN; 2],
-            found: Found::default(),
+            moments: is_moments.then(MomentsCheck::default),
+            found: Findings {
+                views: 0,
+                light: LightCounts::default(),
+                negative: 0,
+                chi_squares: Vec::new(),
+                is_noise_known: options.gain.is_some() && !options.gain_assumed,
+                unsteady: Vec::new(),
+                misfits: Vec::new(),
+                moments: Vec::new(),
+                borders: Vec::new(),
+                divided: 0,
+                measured,
+                widths: [f64::NAN; 2],
+                angle_per_shift: retriever.angle_per_shift(),
+                is_beamlet: retriever.layout().has_beamlets(),
+            },
         })
     }
 
@@ -171,18 +188,23 @@ impl Diagnosis {
     }
 
     /// Examines a view whose rows were taken.
-    pub(crate) fn view(&mut self, of: &ExaminedView<'_>) {
+    ///
+    /// # Errors
+    /// As [`Retriever::response`].
+    pub(crate) fn view(&mut self, of: &ExaminedView<'_>) -> Result<()> {
         let ExaminedView { retriever, images, corrected, subtracted, .. } = *of;
-        let Some(flat) = retriever.flat_curves() else { return };
+        let Some(flat) = retriever.flat_curves() else { return Ok(()) };
         if self.found.views == 0 {
-            self.widths = [0, 1].map(|axis| median(flat.widths(axis)).unwrap_or(f64::NAN));
+            self.found.widths = retriever.flat_widths();
         }
         let view = self.found.views;
         self.found.views += 1;
         self.found.negative += self.sample.negative();
-        let errors = self.moments.as_mut().and_then(|check| check.view(flat, of.offsets));
-        self.found.moments.extend(errors.map(|errors| (view, errors)));
-        let divided = self.measured && light::is_divided(&self.flat, &self.sample);
+        if let Some(check) = &mut self.moments {
+            let errors = check.view(retriever, of.offsets)?;
+            self.found.moments.extend(errors.map(|errors| (view, errors)));
+        }
+        let divided = self.found.measured && light::is_divided(&self.flat, &self.sample);
         self.found.divided += usize::from(divided);
         let offsets = corrected.offsets.filter(|_| !self.offsets.is_empty());
         let of_view = offsets.map_or_else(|| self.offsets.clone(), <[_]>::to_vec);
@@ -196,19 +218,21 @@ impl Diagnosis {
             let found = EmptyBeamOfView::of(
                 images,
                 &empty.images,
-                self.angle_per_shift,
+                self.found.angle_per_shift,
                 subtracted,
                 &pixels,
                 [&self.offsets, &of_view],
             );
             empty.views.push(found);
             empty.sample = empty.sample.again();
-        } else if self.measured {
-            let angles = self.widths.map(|width| (width * self.angle_per_shift).abs());
+        } else if self.found.measured {
+            let per_shift = self.found.angle_per_shift;
+            let angles = self.found.widths.map(|width| (width * per_shift).abs());
             let borders = Borders::of(images, retriever.shape(), angles);
             self.found.borders.extend(borders.map(|borders| (view, borders)));
         }
         self.sample = self.sample.again();
+        Ok(())
     }
 
     /// Share of noise in the uncertainties of the view whose chi squared has this place: fits without
@@ -225,7 +249,8 @@ impl Diagnosis {
     /// Residuals of the fits of a view.
     fn fits(&mut self, of: &ExaminedView<'_>, flat: &Fits, view: usize, of_view: &[[f64; 2]]) {
         let ExaminedView { retriever, images, corrected, .. } = *of;
-        let flat_noise = retriever.flat_noise();
+        let [of_flat, of_sample] = [retriever.flat_noise(), corrected.noise]
+            .map(|factors| ValueNoise::of(&self.options, factors));
         let Some(model) = &self.model else { return };
         let unknowns = model.equations().count();
         if self.offsets.len() <= unknowns {
@@ -240,13 +265,13 @@ impl Diagnosis {
                 FittedCurve::of_flat(model, flat, at)?,
                 FittedCurve::of_sample(model, images, at)?,
             ];
-            let of_flat = Leverage::of(&curves[0], &self.offsets, &self.options, flat_noise)?;
-            let of_sample = Leverage::of(&curves[1], of_view, &self.options, corrected.noise)?;
+            let of_flat = Leverage::of(&curves[0], &self.offsets, of_flat)?;
+            let of_sample = Leverage::of(&curves[1], of_view, of_sample)?;
             let leverages = [&of_flat, &of_sample];
             let heights = curves.each_ref().map(|curve| curve.amplitude);
             Some(FittedPixel {
                 residuals: PixelResiduals::of(leverages, values, heights),
-                steps: PixelSteps::of(leverages, values, heights, model.widths(&curves[1]))?,
+                steps: PixelSteps::of(leverages, values, heights, curves[1].widths_of_steps())?,
                 height: heights[1],
                 in_air: is_in_air(&curves, model.axes()),
                 misfit: rms(values[0].iter().zip(&of_flat.values).map(|(y, f)| y - f)) / heights[0],
@@ -266,7 +291,7 @@ impl Diagnosis {
             let misfit = median(pixels.iter().map(|of| of.misfit).collect());
             self.found.misfits.extend(misfit.map(|misfit| share * misfit));
         }
-        if !self.measured {
+        if !self.found.measured {
             return;
         }
         // Pixels with little light are noisier than the rest.
@@ -290,38 +315,23 @@ impl Diagnosis {
         retriever: &Retriever,
         of_files: &[String],
     ) -> Result<()> {
-        let Found { views, light, negative, chi_squares, unsteady, misfits, moments, .. } =
-            self.found;
-        let (borders, divided) = (self.found.borders, self.found.divided);
-        let misfit = match median(misfits).filter(|misfit| self.measured && *misfit > MISFIT) {
-            Some(found) => Some([found, retriever.misfit_of_masks()?]),
+        let found = &self.found;
+        let misfits = median(found.misfits.clone());
+        let misfit = match misfits.filter(|misfit| found.measured && *misfit > MISFIT) {
+            Some(misfit) => Some([misfit, retriever.misfit_of_masks()?]),
             None => None,
         };
-        let middle = |at: usize| median(chi_squares.iter().map(|pair| pair[at]).collect());
+        let middle = |at: usize| median(found.chi_squares.iter().map(|pair| pair[at]).collect());
         record.reduced_chi_square = middle(0);
         record.chi_square_beyond_flat = middle(1);
-        record.above_one = light.bright;
-        record.negative_values = negative + self.flat.negative();
+        record.above_one = found.light.bright;
+        record.negative_values = found.negative + self.flat.negative();
         record.empty_beam = self.empty.map(|empty| {
             let [rows, columns] = empty.pixels.map(|range| [range.start, range.end]);
             EmptyBeam { columns, rows, views: empty.views }
         });
-        let found = warnings::of(&Findings {
-            views,
-            light,
-            chi_squares: &chi_squares,
-            is_noise_known: self.options.gain.is_some() && !self.options.gain_assumed,
-            unsteady: &unsteady,
-            misfit: misfit.filter(|[found, of_masks]| *found > of_masks + MISFIT),
-            moments: &moments,
-            borders: &borders,
-            divided,
-            empty_beam: record.empty_beam.as_ref(),
-            measured: self.measured,
-            widths: self.widths,
-            angle_per_shift: self.angle_per_shift,
-            is_beamlet: retriever.layout().has_beamlets(),
-        });
+        let misfit = misfit.filter(|[misfit, of_masks]| *misfit > of_masks + MISFIT);
+        let found = warnings::of(found, misfit, record.empty_beam.as_ref());
         record.warnings.extend(of_files.iter().cloned().chain(found));
         for warning in &record.warnings {
             log::warn!("{warning}");

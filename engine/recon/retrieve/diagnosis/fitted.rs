@@ -1,26 +1,15 @@
 //! The curve that was fitted to a pixel: its value and slopes at any offset.
 
-use crate::retrieve::background_term::BackgroundTerm;
+use crate::retrieve::curve_model::CurveModel;
 use crate::retrieve::curves::{Curve, Fits};
-use crate::retrieve::equations::{Equations, UNKNOWNS, Unknowns, Valued};
+use crate::retrieve::equations::{Equations, Unknowns, Valued};
 use crate::retrieve::flags;
 use crate::retrieve::images::Images;
-use crate::retrieve::model::{Model, SLITS};
 use crate::retrieve::scan::Points;
 use crate::retrieve::strips::Tables;
 
 /// Flags of a curve that keep a pixel out of a diagnosis.
 const ODD: u32 = flags::NO_ANSWER | flags::SATURATED | flags::OUTSIDE | flags::TRUNCATED;
-
-/// Model of the curves of an image over mask offsets.
-#[derive(Debug, Clone)]
-pub(in crate::retrieve) struct CurveModel {
-    pub(in crate::retrieve) model: Model,
-    /// Background of the fits.
-    pub(in crate::retrieve) background: BackgroundTerm,
-    /// True for steps along x and z; slits have no z.
-    pub(in crate::retrieve) is_planar: bool,
-}
 
 /// A curve with its unknowns.
 #[derive(Debug, Clone)]
@@ -37,24 +26,6 @@ pub(crate) struct FittedCurve {
 pub(in crate::retrieve) const fn is_usable(bits: u32) -> bool {
     let odd = flags::of_pixel(ODD, ODD) | flags::MISFIT | flags::UNRESOLVED | flags::BAD_PIXEL;
     bits & odd == 0
-}
-
-impl CurveModel {
-    /// Axes along which the mask is stepped.
-    pub(in crate::retrieve) const fn axes(&self) -> &'static [usize] {
-        if self.is_planar { &[0, 1] } else { &[0] }
-    }
-
-    /// Standard deviations of a curve along these axes, m.
-    pub(super) const fn widths<'a>(&self, curve: &'a FittedCurve) -> &'a [f64] {
-        if self.is_planar { &curve.widths } else { std::slice::from_ref(&curve.widths[0]) }
-    }
-
-    /// Equations of the unknowns of the fits.
-    pub(in crate::retrieve) fn equations(&self) -> Equations {
-        let held = if self.is_planar { [false; UNKNOWNS] } else { SLITS };
-        Equations::new(&self.background.held(held))
-    }
 }
 
 impl FittedCurve {
@@ -110,6 +81,11 @@ impl FittedCurve {
             ..Curve::unknown(0)
         };
         Self::new(of, &curve)
+    }
+
+    /// Standard deviations along the axes of the steps, m.
+    pub(super) fn widths_of_steps(&self) -> &[f64] {
+        &self.widths[..self.of.axes().len()]
     }
 
     /// Its unknowns.

@@ -1,9 +1,8 @@
 //! Share of the values of a curve that its fit follows.
 
 use super::fitted::FittedCurve;
-use crate::retrieve::equations::{Equations, UNKNOWNS, Unknowns};
-use crate::retrieve::noise_factors::NoiseFactors;
-use crate::retrieve::{RetrieveOptions, Weights};
+use crate::retrieve::equations::{Equations, Unknowns};
+use crate::retrieve::value_noise::{ValueNoise, Weights};
 
 /// Least expected value, as a part of the amplitude, as in weighted fits.
 const LEAST: f64 = 1e-3;
@@ -25,25 +24,22 @@ pub(super) struct Leverage {
 
 impl Leverage {
     /// A curve of values with this noise. `None` where the fit is singular.
-    pub(super) fn of(
-        curve: &FittedCurve,
-        offsets: &[[f64; 2]],
-        options: &RetrieveOptions,
-        noise: NoiseFactors,
-    ) -> Option<Self> {
+    pub(super) fn of(curve: &FittedCurve, offsets: &[[f64; 2]], noise: ValueNoise) -> Option<Self> {
         let fitted = curve.at(offsets).into_iter();
         let (values, slopes): (Vec<f64>, Vec<Unknowns>) =
             fitted.map(|[value, slopes @ ..]| (value, slopes)).unzip();
-        let gain = noise.gain(options.gain.unwrap_or(1.0));
-        let least = LEAST * curve.amplitude;
-        let noise = noise.read_noise(options.read_noise).powi(2);
-        let variances: Vec<f64> = values.iter().map(|y| gain * y.max(least) + noise).collect();
-        let weights: Vec<f64> = match options.weights {
+        let (gain, least) = (noise.gain.unwrap_or(1.0), LEAST * curve.amplitude);
+        let of_reading = noise.read_noise.powi(2);
+        let variances: Vec<f64> = values.iter().map(|y| gain * y.max(least) + of_reading).collect();
+        let weights: Vec<f64> = match noise.weights {
             Weights::Poisson => variances.iter().map(|variance| variance.recip()).collect(),
             Weights::None => vec![1.0; values.len()],
         };
         let equations = curve.equations();
-        let hat = hat(&equations, &slopes, &weights)?;
+        let mut hat = equations.influence(&slopes, &weights)?;
+        for row in &mut hat {
+            row.iter_mut().zip(&weights).for_each(|(of, weight)| *of *= weight);
+        }
         Some(Self { values, variances, slopes, equations, hat, weights })
     }
 
@@ -68,7 +64,7 @@ impl Leverage {
     /// singular.
     pub(super) fn remainder(&self, variance: f64) -> Option<Vec<Vec<f64>>> {
         let n = self.slopes.len();
-        let hat = hat(&self.equations, &self.slopes, &vec![1.0; n])?;
+        let hat = self.equations.influence(&self.slopes, &vec![1.0; n])?;
         let of = |i: usize, k: usize| (f64::from(u8::from(i == k)) - hat[i][k]) / variance;
         Some((0..n).map(|i| (0..n).map(|k| of(i, k)).collect()).collect())
     }
@@ -84,20 +80,4 @@ impl Leverage {
             .map(|k| self.variances[k] * (1.0 - self.hat[k][k]).max(0.0))
             .collect()
     }
-}
-
-/// `[i][j]`: change of fitted value i by measured value j. `equations`: without values.
-fn hat(equations: &Equations, slopes: &[Unknowns], weights: &[f64]) -> Option<Vec<Vec<f64>>> {
-    let mut equations = equations.clone();
-    for (slope, weight) in slopes.iter().zip(weights) {
-        equations.add(slope, *weight, 0.0);
-    }
-    let inverse = equations.inverse()?;
-    let row = |of: &Unknowns| -> Vec<f64> {
-        let half: Unknowns =
-            std::array::from_fn(|j| (0..UNKNOWNS).map(|i| of[i] * inverse[i][j]).sum());
-        let times = |s: &Unknowns| half.iter().zip(s).map(|(half, s)| half * s).sum::<f64>();
-        slopes.iter().zip(weights).map(|(s, w)| w * times(s)).collect()
-    };
-    Some(slopes.iter().map(row).collect())
 }

@@ -33,6 +33,6 @@ mod watched;
 pub(super) use borders::Borders;
 pub(crate) use collected::{Diagnosis, ExaminedView};
 pub use empty_beam::{EmptyBeam, EmptyBeamOfView};
-pub(super) use fitted::{CurveModel, FittedCurve, is_usable};
+pub(super) use fitted::{FittedCurve, is_usable};
 pub use region::Region;
 pub(super) use steps::inverted;

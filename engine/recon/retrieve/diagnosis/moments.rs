@@ -1,10 +1,10 @@
 //! Errors of the method `moments` at the offsets of a scan, by the curve of the masks.
 
-use crate::retrieve::curves::Fits;
-use crate::retrieve::model::{Model, of_slits};
-use crate::retrieve::quadrature;
-use crate::retrieve::scan::along;
-use crate::retrieve::shape::CurveGeometry;
+use crate::retrieve::Retriever;
+use crate::retrieve::background_term::BackgroundTerm;
+use crate::retrieve::curve_model::CurveModel;
+use crate::retrieve::response::Probe;
+use beamlet_core::{Result, numbers};
 
 /// Displacement of the curve that stands for a refraction angle, in widths of the curve.
 const SHIFT: f64 = 0.1;
@@ -15,20 +15,8 @@ const LIMITS: [f64; 2] = [0.01, 0.05];
 /// Shares of the flat's curves with a smaller centre, of the centres that are examined.
 const CENTRES: [f64; 3] = [0.05, 0.5, 0.95];
 
-/// Offsets at which curves of the masks are sampled.
-#[derive(Debug)]
-pub(super) struct MomentsCheck {
-    model: Model,
-    spread: f64,
-    flat: Vec<f64>,
-    /// Centres of the flat's curves, m.
-    centres: Vec<f64>,
-    /// The offsets of the last view, and its errors.
-    last: Option<(Vec<f64>, MomentsErrors)>,
-}
-
 /// Relative errors at the offsets of a view.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct MomentsErrors {
     /// Error of an angle that displaces the curve by a tenth of its width, over this angle.
     pub(super) angle: f64,
@@ -36,80 +24,69 @@ pub(super) struct MomentsErrors {
     pub(super) dark_field: f64,
 }
 
-impl MomentsErrors {
-    /// True where a warning is due.
-    fn is_large(self) -> bool {
-        self.angle.abs() > LIMITS[0] || self.dark_field.abs() > LIMITS[1]
-    }
+/// Errors of the views of a retrieval.
+#[derive(Debug, Default)]
+pub(super) struct MomentsCheck {
+    /// Centres of the flat's curves, m.
+    centres: Vec<f64>,
+    /// The offsets of the last view, and its errors.
+    last: Option<(Vec<[f64; 2]>, MomentsErrors)>,
 }
 
 impl MomentsCheck {
-    /// Flats at these offsets, m; `None` for masks without a curve.
-    pub(super) fn of(geometry: &CurveGeometry, flat: &[f64]) -> Option<Self> {
-        let (model, spread) = (geometry.model()?, geometry.spread());
-        Some(Self { model, spread, flat: flat.to_vec(), centres: Vec::new(), last: None })
-    }
-
-    /// Errors at the offsets of a view, m, where they are large.
-    pub(super) fn view(&mut self, flat: &Fits, offsets: &[[f64; 2]]) -> Option<MomentsErrors> {
+    /// Errors at the offsets of a view, m, where they are large; `None` for masks without a curve.
+    ///
+    /// # Errors
+    /// As [`Retriever::response`].
+    pub(super) fn view(
+        &mut self,
+        retriever: &Retriever,
+        offsets: &[[f64; 2]],
+    ) -> Result<Option<MomentsErrors>> {
+        let Some(truth) = CurveModel::of_masks(retriever.layout()) else { return Ok(None) };
         if self.centres.is_empty() {
-            self.centres = centres(flat);
+            self.centres = centres(retriever);
         }
-        let offsets = along(offsets, 0);
-        let known = self.last.as_ref().filter(|(at, _)| *at == offsets).map(|(_, errors)| *errors);
-        let errors = match known {
-            Some(errors) => errors,
-            None => self.errors(&offsets),
+        let errors = match &self.last {
+            Some((at, errors)) if at == offsets => *errors,
+            _ => self.errors(retriever, truth, offsets)?,
         };
-        self.last = Some((offsets, errors));
-        errors.is_large().then_some(errors)
+        self.last = Some((offsets.to_vec(), errors));
+        let is_large = errors.angle.abs() > LIMITS[0] || errors.dark_field.abs() > LIMITS[1];
+        Ok(is_large.then_some(errors))
     }
 
-    /// The largest errors over the centres.
-    fn errors(&self, offsets: &[f64]) -> MomentsErrors {
-        let mut most = MomentsErrors { angle: 0.0, dark_field: 0.0 };
-        let keep = |most: &mut f64, error: f64| {
-            if error.abs() > most.abs() {
-                *most = error;
+    /// The largest errors over the centres, of light that the masks do not leak.
+    fn errors(
+        &self,
+        retriever: &Retriever,
+        truth: CurveModel,
+        offsets: &[[f64; 2]],
+    ) -> Result<MomentsErrors> {
+        let truth = CurveModel { background: BackgroundTerm::Value(0.0), ..truth };
+        let mut most = MomentsErrors::default();
+        let keep = |most: &mut f64, response: f64| {
+            if (response - 1.0).abs() > most.abs() {
+                *most = response - 1.0;
             }
         };
-        let width = self.model.width(&of_slits([1.0, 0.0, self.spread, 0.0]));
-        let more = DARK_FIELD * width * width;
-        for centre in &self.centres {
-            let [from, of_flat] = self.found(&self.flat, [*centre, self.spread]);
-            for shift in [-SHIFT * width, SHIFT * width] {
-                let [to, _] = self.found(offsets, [centre + shift, self.spread]);
-                keep(&mut most.angle, (to - from) / shift - 1.0);
-            }
-            let [_, widened] = self.found(offsets, [*centre, self.spread + more]);
-            keep(&mut most.dark_field, (widened - of_flat) / more - 1.0);
+        for (centre, shift) in self.centres.iter().flat_map(|at| [(at, -SHIFT), (at, SHIFT)]) {
+            let probe = Probe { centre: [*centre, 0.0], shift, widened: DARK_FIELD };
+            let response = retriever.response_to(&truth, probe, Some(offsets))?;
+            keep(&mut most.angle, response.refraction);
+            keep(&mut most.dark_field, response.dark_field.unwrap_or(1.0));
         }
-        most
-    }
-
-    /// Centre and variance that the method finds of a curve with this centre and spread at these offsets.
-    fn found(&self, offsets: &[f64], [centre, spread]: [f64; 2]) -> [f64; 2] {
-        let values =
-            self.model.values(offsets.iter().copied(), &of_slits([1.0, centre, spread, 0.0]));
-        let weights = quadrature::weights(offsets);
-        let sum = |of: &dyn Fn(f64) -> f64| -> f64 {
-            let terms = offsets.iter().zip(&values).zip(&weights);
-            terms.map(|((x, value), weight)| weight * value[0] * of(*x)).sum()
-        };
-        let light = sum(&|_| 1.0);
-        let found = sum(&|x| x) / light;
-        [found, (sum(&|x| (x - found).powi(2)) / light).max(0.0)]
+        Ok(most)
     }
 }
 
-/// Quantiles of the centres of curves.
-fn centres(flat: &Fits) -> Vec<f64> {
-    let mut all: Vec<f64> = flat.known().map(|curve| curve.centre[0]).collect();
+/// Quantiles of the centres of the flat's curves.
+fn centres(retriever: &Retriever) -> Vec<f64> {
+    let known = retriever.flat_curves().into_iter().flat_map(|flat| flat.known());
+    let mut all: Vec<f64> = known.map(|curve| curve.centre[0]).collect();
     all.sort_by(f64::total_cmp);
     let at = |share: f64| {
-        let index =
-            beamlet_core::numbers::whole::<usize>(share * all.len().saturating_sub(1) as f64);
-        all.get(index).copied()
+        all.get(numbers::whole::<usize>(share * all.len().saturating_sub(1) as f64)).copied()
     };
     CENTRES.into_iter().filter_map(at).collect()
 }

@@ -1,10 +1,9 @@
 //! Findings as lines for the log and the record: the fault, its likely cause, the remedy.
 
-use super::borders::Borders;
+use super::collected::Findings;
 use super::empty_beam::{EmptyBeam, EmptyBeamOfView};
 use super::light::LightCounts;
 use super::moments::MomentsErrors;
-use super::steps::Unsteady;
 use crate::retrieve::misfit::median;
 
 /// Share of the pixels from which on a transmission above 1 is no edge.
@@ -21,32 +20,13 @@ const SIGMAS: f64 = 4.0;
 /// flat's curve.
 const LEAST: f64 = 1e-3;
 
-/// Findings of a diagnosis.
-pub(super) struct Findings<'a> {
-    pub(super) views: usize,
-    pub(super) light: LightCounts,
-    /// For each view: of the fits, and beyond the residuals of the flat.
-    pub(super) chi_squares: &'a [[f64; 2]],
-    /// True if the gain is known, not assumed.
-    pub(super) is_noise_known: bool,
-    pub(super) unsteady: &'a [(usize, Unsteady)],
-    /// Residuals of the flat beyond noise, over the height, and residuals of the method on the curve of the
-    /// masks, where the first are too large.
-    pub(super) misfit: Option<[f64; 2]>,
-    pub(super) moments: &'a [(usize, MomentsErrors)],
-    pub(super) borders: &'a [(usize, Borders)],
-    /// Views that do not follow the flat.
-    pub(super) divided: usize,
-    pub(super) empty_beam: Option<&'a EmptyBeam>,
-    pub(super) measured: bool,
-    /// Widths of the flat's curves along x and z, m.
-    pub(super) widths: [f64; 2],
-    pub(super) angle_per_shift: f64,
-    pub(super) is_beamlet: bool,
-}
-
-/// Warnings, the gravest first.
-pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
+/// Warnings, the gravest first. `of_misfit`: residuals of the flat beyond noise, over the height, and residuals of the
+/// method on the curve of the masks, where the first are too large.
+pub(super) fn of(
+    found: &Findings,
+    of_misfit: Option<[f64; 2]>,
+    empty: Option<&EmptyBeam>,
+) -> Vec<String> {
     if found.divided > 0 {
         // Nothing else that was retrieved from such values means anything.
         return vec![format!(
@@ -63,19 +43,19 @@ pub(super) fn of(found: &Findings<'_>) -> Vec<String> {
         drift(found, 0),
         drift(found, 1),
         // Curves of another shape leave other residuals in the sample than in the flat.
-        misfit(found).or_else(|| unsteady(found)),
+        of_misfit.and_then(|of| misfit(found, of)).or_else(|| unsteady(found)),
         moments(found),
         scatter(found),
         quiet(found),
     ]
     .into_iter()
     .flatten()
-    .chain(empty_beam(found))
+    .chain(empty.map(|empty| empty_beam(found, empty)).unwrap_or_default())
     .collect()
 }
 
 /// Begins a message where only some of several views are concerned. `worst`: the view of the numbers.
-fn place(found: &Findings<'_>, count: usize, worst: Option<usize>) -> String {
+fn place(found: &Findings, count: usize, worst: Option<usize>) -> String {
     match (found.views, worst) {
         (0 | 1, _) => String::new(),
         (all, None) => format!("{count} of {all} views: "),
@@ -83,7 +63,7 @@ fn place(found: &Findings<'_>, count: usize, worst: Option<usize>) -> String {
     }
 }
 
-fn brighter(found: &Findings<'_>) -> Option<String> {
+fn brighter(found: &Findings) -> Option<String> {
     let LightCounts { above, below, pixels, .. } = found.light;
     let share = above as f64 / pixels.max(1) as f64;
     (share > MANY && above > RATIO * below).then(|| {
@@ -96,7 +76,7 @@ fn brighter(found: &Findings<'_>) -> Option<String> {
     })
 }
 
-fn fainter(found: &Findings<'_>) -> Option<String> {
+fn fainter(found: &Findings) -> Option<String> {
     let LightCounts { faint, pixels, .. } = found.light;
     let share = faint as f64 / pixels.max(1) as f64;
     (share > 0.5).then(|| {
@@ -120,7 +100,7 @@ fn worst<T: Copy>(
 
 const NAME_IT: &str = "--empty-beam C0:C1 measures it in columns that are empty";
 
-fn dose(found: &Findings<'_>) -> Option<String> {
+fn dose(found: &Findings) -> Option<String> {
     let all = found.borders.iter().copied().filter(|(_, borders)| borders.has_other_dose);
     let (count, view, borders) = worst(all, |b| (b.transmission.value - 1.0).abs())?;
     Some(format!(
@@ -134,7 +114,7 @@ fn dose(found: &Findings<'_>) -> Option<String> {
 }
 
 /// Drift along an axis: 0 is x, 1 is z.
-fn drift(found: &Findings<'_>, axis: usize) -> Option<String> {
+fn drift(found: &Findings, axis: usize) -> Option<String> {
     let all = found.borders.iter().filter(|(_, borders)| borders.has_drift[axis]);
     let all = all.filter_map(|(view, of)| Some((*view, (of.refraction[axis]?, of.width))));
     let (count, view, (refraction, width)) = worst(all, |(of, _)| of.value.abs())?;
@@ -152,11 +132,11 @@ fn drift(found: &Findings<'_>, axis: usize) -> Option<String> {
 /// Ends of the name of a refraction by its axis.
 const ALONG: [&str; 2] = ["", " along z"];
 
-const fn moved(found: &Findings<'_>) -> &'static str {
+const fn moved(found: &Findings) -> &'static str {
     if found.is_beamlet { "the beamlets moved on the detector" } else { "a mask drifted" }
 }
 
-fn unsteady(found: &Findings<'_>) -> Option<String> {
+fn unsteady(found: &Findings) -> Option<String> {
     let (count, view, unsteady) = worst(found.unsteady.iter().copied(), |of| of.dose)?;
     let borders = found.borders.iter().find(|(of, _)| *of == view);
     let dark_field = borders
@@ -189,8 +169,7 @@ fn unsteady(found: &Findings<'_>) -> Option<String> {
     ))
 }
 
-fn misfit(found: &Findings<'_>) -> Option<String> {
-    let [misfit, of_masks] = found.misfit?;
+fn misfit(found: &Findings, [misfit, of_masks]: [f64; 2]) -> Option<String> {
     let own = median(found.chi_squares.iter().map(|pair| pair[0]).collect())?;
     let chi_square = match found.is_noise_known {
         true => format!("; reduced chi squared {own:.1}"),
@@ -205,7 +184,7 @@ fn misfit(found: &Findings<'_>) -> Option<String> {
     ))
 }
 
-fn moments(found: &Findings<'_>) -> Option<String> {
+fn moments(found: &Findings) -> Option<String> {
     let size = |of: &MomentsErrors| of.angle.abs().max(0.2 * of.dark_field.abs());
     let (count, view, errors) = worst(found.moments.iter().copied(), size)?;
     Some(format!(
@@ -218,7 +197,7 @@ fn moments(found: &Findings<'_>) -> Option<String> {
     ))
 }
 
-fn scatter(found: &Findings<'_>) -> Option<String> {
+fn scatter(found: &Findings) -> Option<String> {
     let beyond = median(found.chi_squares.iter().map(|pair| pair[1]).collect())?;
     (found.is_noise_known && beyond > CHI_SQUARE).then(|| {
         format!(
@@ -229,7 +208,7 @@ fn scatter(found: &Findings<'_>) -> Option<String> {
     })
 }
 
-fn quiet(found: &Findings<'_>) -> Option<String> {
+fn quiet(found: &Findings) -> Option<String> {
     let own = median(found.chi_squares.iter().map(|pair| pair[0]).collect())?;
     (found.is_noise_known && own < QUIET).then(|| {
         format!(
@@ -239,8 +218,7 @@ fn quiet(found: &Findings<'_>) -> Option<String> {
     })
 }
 
-fn empty_beam(found: &Findings<'_>) -> Vec<String> {
-    let Some(empty) = found.empty_beam else { return Vec::new() };
+fn empty_beam(found: &Findings, empty: &EmptyBeam) -> Vec<String> {
     let views = || empty.views.iter().enumerate();
     let other = |of: [f64; 2], expected: f64, least: f64| {
         ((of[0] - expected).abs() > (SIGMAS * of[1]).max(least)).then_some(of)

@@ -2,7 +2,7 @@
 
 use super::Input;
 use super::times::{Times, during};
-use crate::retrieve::noise_factors::NoiseFactors;
+use crate::retrieve::value_noise::NoiseFactors;
 use beamlet_core::{Error, Result};
 use ndarray::Array3;
 use std::ops::Range;

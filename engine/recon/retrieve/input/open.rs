@@ -100,18 +100,7 @@ impl Input {
         }
         let scene = scene.with_file_hashes()?;
         faults::check_offsets(&scene)?;
-        let [_, _, rows, columns] = flat.shape();
-        for other in std::iter::once(&sample).chain(dark) {
-            let [_, _, other_rows, other_columns] = other.shape();
-            if [other_rows, other_columns] != [rows, columns] {
-                let problem = format!(
-                    "has frames of {other_rows} x {other_columns} pixels; the frames of {} have \
-                     {rows} x {columns}",
-                    flat.path().display()
-                );
-                return Err(Error::file(other.path(), problem, None));
-            }
-        }
+        require_one_shape(&flat, std::iter::once(&sample).chain(dark))?;
         let files = [&flat, &sample].into_iter().chain(dark).filter_map(StackFile::file);
         let read = files.map(Path::to_owned).collect();
         let names = |s: &StackFile| Some((s.path().display().to_string(), s.frame_names()?));
@@ -131,4 +120,23 @@ impl Input {
         let input = Self::new(scene, flat, sample, read);
         Ok(Self { correction, counts: true, frames, warnings, ..input })
     }
+}
+
+/// Refuses stacks with frames of another shape than those of the flat.
+pub(super) fn require_one_shape<'a>(
+    flat: &StackFile,
+    others: impl Iterator<Item = &'a StackFile>,
+) -> Result<()> {
+    let [_, _, rows, columns] = flat.shape();
+    for other in others {
+        let [_, _, other_rows, other_columns] = other.shape();
+        if [other_rows, other_columns] != [rows, columns] {
+            let problem = format!(
+                "has frames of {other_rows} x {other_columns} pixels; the frames of {} have {rows} x {columns}",
+                flat.path().display()
+            );
+            return Err(Error::file(other.path(), problem, None));
+        }
+    }
+    Ok(())
 }

@@ -2,6 +2,7 @@
 
 use super::Input;
 use super::correction::{Correction, Dark};
+use super::open::require_one_shape;
 use super::selection::{Columns, Selection};
 use crate::retrieve::Record;
 use beamlet_core::{Error, Result, folder};
@@ -38,17 +39,7 @@ impl Input {
         if found != views && views > 0 {
             sample = sample.with_steps(found * frames / views)?;
         }
-        let [_, _, rows, columns] = flat.shape();
-        for other in [&sample].into_iter().chain(&dark) {
-            let [_, _, other_rows, other_columns] = other.shape();
-            if [other_rows, other_columns] != [rows, columns] {
-                let problem = format!(
-                    "has frames of {other_rows} x {other_columns} pixels; {} has {rows} x {columns}",
-                    flat.path().display()
-                );
-                return Err(Error::file(other.path(), problem, None));
-            }
-        }
+        require_one_shape(&flat, std::iter::once(&sample).chain(&dark))?;
         let omitted = record.omitted_steps.clone();
         let steps = record.offsets.len() + omitted.len();
         let flat = match flat.shape()[1] {

@@ -1,21 +1,20 @@
 //! Beamlets on a lattice that is found in a flat.
 
 use super::super::background_term::BackgroundTerm;
+use super::super::curve_model::CurveModel;
 use super::super::curves::Curve;
-use super::super::fitter::Weights;
 use super::super::method::Method;
 use super::super::model::Model;
+use super::super::moments::{self, by_moments};
 use super::super::options::RetrieveOptions;
 use super::super::profile::Profile;
 use super::super::scan::Scan;
 use super::super::strips::{Strips, own_variances};
 use super::super::value_noise::ValueNoise;
 use super::aperture::Aperture;
-use super::fit::PlanarModel;
 use super::found::{Frame, PlacedLattice};
 use super::geometry;
 use super::lattice::Lattice;
-use super::moments::by_moments;
 use super::windows::{Window, Windows};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Error, Result};
@@ -44,7 +43,7 @@ pub(crate) struct LatticeDesign {
 /// Beamlets of a frame.
 #[derive(Debug)]
 pub(crate) struct LatticeBeamlets {
-    pub(in crate::retrieve) model: PlanarModel,
+    pub(in crate::retrieve) model: CurveModel,
     method: Method,
     frame: Frame,
     placed: PlacedLattice,
@@ -156,7 +155,8 @@ impl LatticeBeamlets {
         if self.method != Method::Moments {
             return self.model.fit(&scan, curve, flat, None);
         }
-        by_moments(&scan, curve, &self.model.model, self.frame.pitch[0] * self.frame.pitch[1])
+        let area = self.frame.pitch[0] * self.frame.pitch[1];
+        by_moments(&scan, curve, Some(moments::Window { model: &self.model.model, area }))
     }
 
     /// Rows and columns of the images, a rectangle for each beamlet, whose pixels are all in these rows and columns.
@@ -189,12 +189,8 @@ fn through_centres(
 ) -> Result<PlacedLattice> {
     let windows = Windows::of(&placed, frame)?;
     let model = gaussian(frame.pitch, Vec::new());
-    let noise = ValueNoise {
-        saturation: options.saturation.map_or(f64::INFINITY, f64::from),
-        gain: None,
-        read_noise: 0.0,
-        weights: Weights::None,
-    };
+    let saturation = options.saturation.map_or(f64::INFINITY, f64::from);
+    let noise = ValueNoise { saturation, ..ValueNoise::default() };
     let all: Vec<&Window> = windows.iter().map(|(_, window)| window).collect();
     let some: Vec<&Window> = all.iter().copied().step_by(1 + all.len() / CENTRES).collect();
     let centres: Vec<([i64; 2], [f64; 2])> = some
@@ -210,7 +206,7 @@ fn through_centres(
 }
 
 /// Places of a beamlet's pixels.
-fn window_scan(model: &PlanarModel, frame: &Frame, window: &Window, noise: ValueNoise) -> Scan {
+fn window_scan(model: &CurveModel, frame: &Frame, window: &Window, noise: ValueNoise) -> Scan {
     let place = |[row, column]: &[u32; 2]| frame.place(i64::from(*row), i64::from(*column));
     model.scan(window.pixels.iter().map(place).collect(), noise)
 }
@@ -222,34 +218,30 @@ fn values<'a>(frames: ArrayView3<'a, f32>, window: &'a Window) -> impl Iterator<
 }
 
 /// A Gaussian over pixels.
-fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> PlanarModel {
+fn gaussian(pixel: [f64; 2], neighbours: Vec<[f64; 2]>) -> CurveModel {
     let along = pixel.map(|pixel| Profile { boxes: [pixel, 0.0], shift: 0.0 });
-    PlanarModel {
+    CurveModel {
         model: Model::Strips(Strips::one(along, neighbours)),
+        background: BackgroundTerm::Free,
         blur: None,
         pixel: Some(pixel),
-        background: BackgroundTerm::Free,
+        is_planar: true,
     }
 }
 
 /// Model of beamlets over pixels.
-fn beamlet_model(design: &LatticeDesign, placed: &PlacedLattice) -> Result<PlanarModel> {
+fn beamlet_model(design: &LatticeDesign, placed: &PlacedLattice) -> Result<CurveModel> {
     let LatticeDesign { aperture, blur, pitch: pixel, ref options, .. } = *design;
     let around = placed.lattice.around();
     if options.method() != Method::Beamlet {
         let own = aperture.map(|aperture| own_variances(&aperture.strips([0.0; 2])));
         let blur = own.map(|own| [0, 1].map(|axis| own[axis] + blur[axis]));
-        return Ok(PlanarModel { blur, ..gaussian(pixel, around) });
+        return Ok(CurveModel { blur, ..gaussian(pixel, around) });
     }
     let Some(aperture) = aperture else {
         let allowed = "the size of the apertures for method beamlet; or method gaussian or moments";
         return Err(Error::argument("aperture", "nothing", allowed));
     };
     let strips = Strips { strips: aperture.strips(pixel), neighbours: around, is_list: false };
-    Ok(PlanarModel {
-        model: Model::Strips(strips),
-        blur: Some(blur),
-        pixel: Some(pixel),
-        background: BackgroundTerm::Free,
-    })
+    Ok(CurveModel { model: Model::Strips(strips), blur: Some(blur), ..gaussian(pixel, Vec::new()) })
 }

@@ -2,8 +2,6 @@
 //!
 //! | file | content |
 //! |---|---|
-//! | `fit.rs` | the fit of a curve, with what its values determine |
-//! | `moments.rs` | moments in closed form |
 //! | `lattice.rs` | lattices of beamlets |
 //! | `found.rs` | a lattice found in a flat |
 //! | `windows.rs` | pixels of beamlets |
@@ -14,12 +12,10 @@
 //! | `step_curves.rs` | curves of pixels over offsets |
 
 mod aperture;
-mod fit;
 mod found;
 mod geometry;
 mod lattice;
 mod lattice_beamlets;
-mod moments;
 mod offsets;
 mod step_curves;
 mod windows;
@@ -30,7 +26,6 @@ mod windows;
 mod tests;
 
 pub use aperture::Aperture;
-pub(super) use fit::PlanarModel;
 pub(crate) use geometry::{Design, aperture, knows_curve};
 pub use lattice::Lattice;
 pub(super) use lattice_beamlets::{LatticeBeamlets, LatticeDesign};

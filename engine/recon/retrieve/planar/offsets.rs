@@ -1,5 +1,6 @@
 //! Lists of mask offsets in two directions, and the contrasts that they determine.
 
+use super::super::equations::{Equations, UNKNOWNS};
 use beamlet_core::units::Dimension::Length;
 use beamlet_core::{Error, Result};
 
@@ -65,31 +66,20 @@ fn lacking(pairs: &[[f64; 2]]) -> Vec<usize> {
     // An axis without a spread beside the other's has no steps.
     let most = spread[0].max(spread[1]);
     let unit = spread.map(|own| if own < 1e-9 * most { most } else { own });
-    let columns: Vec<Vec<f64>> = (0..TERMS.len())
-        .map(|term| {
-            let of = |pair: &[f64; 2]| {
-                let [x, z] = [0, 1].map(|axis| (pair[axis] - middle[axis]) / unit[axis]);
-                [1.0, x, z, x * x, z * z, x * z][term]
-            };
-            pairs.iter().map(of).collect()
-        })
-        .collect();
+    let terms = |pair: &[f64; 2]| {
+        let [x, z] = [0, 1].map(|axis| (pair[axis] - middle[axis]) / unit[axis]);
+        [1.0, x, z, x * x, z * z, x * z, 0.0]
+    };
     // In the order of the terms: a term counts as lacking if those before it explain it.
-    let (mut basis, mut lacking) = (Vec::<Vec<f64>>::new(), Vec::new());
-    for (term, column) in columns.iter().enumerate() {
-        let mut rest = column.clone();
-        for _ in 0..2 {
-            for known in &basis {
-                let part: f64 = rest.iter().zip(known).map(|(a, b)| a * b).sum();
-                rest.iter_mut().zip(known).for_each(|(a, b)| *a -= part * b);
-            }
-        }
-        let size = |of: &[f64]| of.iter().map(|a| a * a).sum::<f64>().sqrt();
-        let left = size(&rest);
-        if left <= LEAST * (pairs.len() as f64).sqrt() {
+    let (mut held, mut lacking) = ([true; UNKNOWNS], Vec::new());
+    for term in 0..TERMS.len() {
+        held[term] = false;
+        let mut equations = Equations::new(&held);
+        pairs.iter().for_each(|pair| equations.add(&terms(pair), 1.0, 0.0));
+        let inverse = equations.inverse();
+        held[term] = inverse.is_none_or(|it| equations.inflation(&it) * LEAST * LEAST > 1.0);
+        if held[term] {
             lacking.push(term);
-        } else {
-            basis.push(rest.iter().map(|a| a / left).collect());
         }
     }
     lacking

@@ -1,7 +1,7 @@
 //! Curves of pixels over mask steps along x and z.
 
 use super::super::background::Background;
-use super::super::background_term::BackgroundTerm;
+use super::super::curve_model::{CurveModel, NEEDED};
 use super::super::curves::Curve;
 use super::super::method::Method;
 use super::super::model::Model;
@@ -10,7 +10,6 @@ use super::super::profile::Profile;
 use super::super::scan::along;
 use super::super::strips::Strips;
 use super::super::value_noise::ValueNoise;
-use super::fit::{NEEDED, PlanarModel};
 use super::lattice::Lattice;
 use super::{geometry, offsets};
 use beamlet_core::Result;
@@ -27,11 +26,11 @@ const SEEN: f64 = 4.0;
 /// A curve in each pixel.
 #[derive(Debug)]
 pub(crate) struct StepCurves {
-    pub(in crate::retrieve) model: PlanarModel,
+    pub(in crate::retrieve) model: CurveModel,
     /// Centres of the curves of a list of apertures; `None` of curves with one peak.
     centres: Option<Centres>,
     /// The curve of the masks, where the scene knows it and it has one peak.
-    truth: Option<PlanarModel>,
+    pub(in crate::retrieve) truth: Option<CurveModel>,
     /// Offsets along z with whole periods, m.
     pub(in crate::retrieve) offsets_z: Vec<f64>,
 }
@@ -80,15 +79,9 @@ impl StepCurves {
     }
 
     /// The curve of the masks with the background of the fits, or the model of the fits where the scene does not know it.
-    pub(in crate::retrieve) fn of_masks(&self) -> PlanarModel {
+    pub(in crate::retrieve) fn of_masks(&self) -> CurveModel {
         let truth = self.truth.as_ref().unwrap_or(&self.model);
-        PlanarModel { background: self.model.background, ..truth.clone() }
-    }
-
-    /// Model, variances of the blur and background of the curve of the masks; `None` where it is not known.
-    pub(in crate::retrieve) fn truth(&self) -> Option<(Model, [f64; 2], BackgroundTerm)> {
-        let truth = self.truth.as_ref()?;
-        Some((truth.model.clone(), truth.blur.unwrap_or_default(), truth.background))
+        CurveModel { background: self.model.background, ..truth.clone() }
     }
 
     /// Fits frames `[step][row][column]` of rows from row `first` on. `flat`: curves of the same pixels of the flat,
@@ -153,18 +146,19 @@ fn curve_model(
     scene: &Scene,
     options: &RetrieveOptions,
     offsets: &[[f64; 2]],
-) -> Result<PlanarModel> {
+) -> Result<CurveModel> {
     let background = options.background().term(scene, area_of_curve(scene))?;
     if options.method() == Method::Gaussian {
         let model = Model::Strips(Strips::one([Profile::GAUSSIAN; 2], Vec::new()));
-        return Ok(PlanarModel { model, blur: None, pixel: None, background });
+        return Ok(CurveModel { model, background, blur: None, pixel: None, is_planar: true });
     }
     let is_list = geometry::list(scene).is_some();
     let count = if is_list { seen_periods(scene, offsets) } else { [1; 2] };
     let neighbours = neighbours(scene, count)?;
     let strips = Strips { strips: geometry::overlap(scene, options)?, neighbours, is_list };
     let blur = Some(geometry::blur(scene, true));
-    Ok(PlanarModel { model: Model::Strips(strips), blur, pixel: None, background })
+    let model = Model::Strips(strips);
+    Ok(CurveModel { model, background, blur, pixel: None, is_planar: true })
 }
 
 /// The curve of the masks over offsets without whole periods, with the light that they leak; `None` where the scene does
@@ -176,7 +170,7 @@ fn known_curve(
     scene: &Scene,
     options: &RetrieveOptions,
     offsets: &[[f64; 2]],
-) -> Result<Option<PlanarModel>> {
+) -> Result<Option<CurveModel>> {
     let exact = options.clone().with_method(Method::ExactCurve).with_background(Background::Leak);
     let is_known = geometry::knows_curve(scene, &exact);
     is_known.then(|| curve_model(scene, &exact, offsets)).transpose()

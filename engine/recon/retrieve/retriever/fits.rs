@@ -2,16 +2,14 @@
 
 use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
+use super::super::closed;
 use super::super::curves::{Curve, Fits, SlitCurve};
-use super::super::diagnosis::CurveModel;
 use super::super::fit::fit_slits;
-use super::super::fitter::Weights;
-use super::super::method::Method;
-use super::super::model::Model;
-use super::super::noise_factors::NoiseFactors;
+use super::super::method::{Estimator, Method};
+use super::super::moments::by_moments;
+use super::super::quadrature;
 use super::super::scan::{Scan, along};
-use super::super::value_noise::ValueNoise;
-use super::super::{closed, quadrature};
+use super::super::value_noise::{NoiseFactors, ValueNoise, Weights};
 use super::Retriever;
 use super::layout::{Layout, SlitCurves};
 use super::view_scan::ViewScan;
@@ -39,17 +37,16 @@ impl Retriever {
             ));
         }
         let flat = known.and_then(|(flat, first)| flat.planar(first));
-        let noise = self.value_noise(scan.noise);
         match &self.layout {
             Layout::Pixels(slits) => self.slits(slits, data, scan, cancel).map(Fits::Slits),
             Layout::Beamlets(beamlets) => {
                 self.beamlets(beamlets, &data, scan, (known, cancel)).map(Fits::Slits)
             }
             Layout::Steps(curves) => curves
-                .fits((data.view(), row as usize), (offsets, noise), flat, cancel)
+                .fits((data.view(), row as usize), (offsets, scan.noise), flat, cancel)
                 .map(Fits::Planar),
             Layout::Lattice(_, Some(beamlets)) => {
-                beamlets.fits(data.view(), noise, flat, cancel).map(Fits::Planar)
+                beamlets.fits(data.view(), scan.noise, flat, cancel).map(Fits::Planar)
             }
             Layout::Lattice(_, None) => {
                 Err(Error::argument("flat", "no flat was taken", "the flat, then the views"))
@@ -72,21 +69,17 @@ impl Retriever {
             })?;
             return fitter.fit(flat.view(), cancel);
         }
-        let scan = self.scan(&along(view.offsets, 0), view.noise);
-        let none = || Error::scene("detector_mask", "nothing", "both masks");
-        let model = self.model().ok_or_else(none)?;
-        let shape = &slits.shape;
-        entries(&data, cancel, |_, curve| match self.options.method() {
-            Method::ThreeStep => closed::three_step(&scan, curve),
-            Method::Moments => closed::by_moments(&scan, curve),
-            Method::TwoStep => {
+        let scan = self.scan(&along(view.offsets, 0), view.noise, slits.curve.background);
+        let (model, shape) = (&slits.curve.model, &slits.shape);
+        entries(&data, cancel, |_, curve| match self.options.method().estimator() {
+            Estimator::ThreePoints => closed::three_step(&scan, curve),
+            Estimator::Moments => by_moments(&scan, curve, None),
+            Estimator::TwoPoints => {
                 let reach = shape.reach_of_two(2.0 * scan.half());
-                let known = closed::KnownBlur { model: &model, blur: shape.spread(), reach };
+                let known = closed::KnownBlur { model, blur: shape.spread(), reach };
                 closed::two_points(&scan, known, curve)
             }
-            Method::Gaussian | Method::Triangle | Method::ExactCurve | Method::Beamlet => {
-                fit_slits(&model, &scan, curve, None)
-            }
+            Estimator::Device | Estimator::LeastSquares => fit_slits(model, &scan, curve, None),
         })
     }
 
@@ -98,7 +91,7 @@ impl Retriever {
         view: &ViewScan<'_>,
         (known, cancel): (Option<(&Fits, usize)>, &Cancel),
     ) -> Result<Vec<SlitCurve>> {
-        let scan = self.scan(&beamlets.offsets(), view.noise);
+        let scan = self.scan(&beamlets.offsets(), view.noise, BackgroundTerm::Free);
         let (lights, determine_width) = (beamlets.lights(), beamlets.determine_width());
         entries(&beamlets.gather(data.view()), cancel, |at, curve| {
             let light = &lights[at % beamlets.count()];
@@ -110,31 +103,8 @@ impl Retriever {
         })
     }
 
-    /// The curves over mask offsets as diagnosis and corrections take them; `None` of beamlets and of lists of apertures,
-    /// whose curves have many peaks.
-    pub(in crate::retrieve) fn curve_model(&self) -> Option<CurveModel> {
-        let model = self.model().filter(|model| !model.is_list())?;
-        let is_planar = self.layout.is_planar();
-        Some(CurveModel { model, background: self.background(), is_planar })
-    }
-
-    /// The model of curves over mask offsets, of closed forms the nearest that there is; `None` of beamlets.
-    pub(in crate::retrieve) fn model(&self) -> Option<Model> {
-        let shape = match &self.layout {
-            Layout::Pixels(slits) => &slits.shape,
-            Layout::Steps(curves) => return Some(curves.model.model.clone()),
-            Layout::Beamlets(_) | Layout::Lattice(..) => return None,
-        };
-        match self.options.method() {
-            Method::Gaussian | Method::ThreeStep | Method::Moments => Some(Model::gaussian()),
-            Method::Triangle => Some(Model::Trapezoid { top: 0.0 }),
-            Method::ExactCurve | Method::TwoStep => shape.model(),
-            Method::Beamlet => None,
-        }
-    }
-
     /// Noise of the values; of fits of the masks' curve to counts of a guessed gain the residuals are the noise.
-    fn value_noise(&self, noise: NoiseFactors) -> ValueNoise {
+    pub(super) fn value_noise(&self, noise: NoiseFactors) -> ValueNoise {
         let known = ValueNoise::of(&self.options, noise);
         let is_guess = self.options.gain_assumed && self.options.weights == Weights::None;
         let is_curve = self.options.method() == Method::ExactCurve && !self.layout.is_planar();
@@ -142,23 +112,12 @@ impl Retriever {
     }
 
     /// A scan of values along x with this noise.
-    fn scan(&self, offsets: &[f64], noise: NoiseFactors) -> Scan {
-        let shares = match self.options.method() == Method::Moments {
+    fn scan(&self, offsets: &[f64], noise: ValueNoise, background: BackgroundTerm) -> Scan {
+        let shares = match self.options.method().estimator() == Estimator::Moments {
             true => quadrature::weights(offsets),
             false => quadrature::trapezoids(offsets),
         };
-        Scan::along_x(offsets, shares, self.value_noise(noise), self.background())
-    }
-
-    /// Background of the curves.
-    pub(in crate::retrieve) fn background(&self) -> BackgroundTerm {
-        match &self.layout {
-            Layout::Pixels(slits) if self.options.method().has_background() => {
-                slits.shape.background
-            }
-            Layout::Steps(curves) => curves.model.background,
-            Layout::Pixels(_) | Layout::Beamlets(_) | Layout::Lattice(..) => BackgroundTerm::Free,
-        }
+        Scan::along_x(offsets, shares, noise, background)
     }
 }
 

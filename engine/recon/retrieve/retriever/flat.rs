@@ -4,10 +4,9 @@ use super::super::background_term::BackgroundTerm;
 use super::super::curves::Fits;
 use super::super::images::Images;
 use super::super::misfit::median;
-use super::super::noise_factors::NoiseFactors;
 use super::super::options::ReadRows;
+use super::super::value_noise::NoiseFactors;
 use super::layout::Layout;
-use super::view_scan::ViewScan;
 use super::{Retriever, part};
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::{Error, Result, reserve};
@@ -22,8 +21,8 @@ pub(super) struct Flat {
     /// Rows and columns of the frames.
     pub(super) frame_rows: usize,
     pub(super) frame_columns: usize,
-    /// Median widths of the curves along x and z, m; `None` where no curve has one.
-    pub(super) widths: [Option<f64>; 2],
+    /// Median widths of the curves along x and z, m; NaN where no curve has one.
+    pub(super) widths: [f64; 2],
     /// Noise of the values.
     noise: NoiseFactors,
 }
@@ -52,6 +51,11 @@ impl Retriever {
     /// Rows and columns of the images; 0 before a flat was taken.
     pub(in crate::retrieve) fn shape(&self) -> [usize; 2] {
         self.flat.as_ref().map_or([0; 2], |flat| flat.shape)
+    }
+
+    /// Median widths of the curves of the flat along x and z, m; NaN where no curve has one, and before it was taken.
+    pub(in crate::retrieve) fn flat_widths(&self) -> [f64; 2] {
+        self.flat.as_ref().map_or([f64::NAN; 2], |flat| flat.widths)
     }
 
     /// Noise of the values of the flat.
@@ -117,7 +121,7 @@ impl Retriever {
         let purpose = format!("the images of a view of {} x {}", shape[0], shape[1]);
         reserve::ask((bytes * count) as u64, &purpose, "retrieve frames with fewer pixels")?;
         let mut all = self.layout.unknown(count);
-        let scan = ViewScan::of(&self.offsets, noise, self.layout.fitter(), noise.is_one())?;
+        let scan = self.scan_at(None, noise)?;
         self.bands(rows, columns, control, |band, control| {
             let data = (read(band.clone())?, band.start);
             let curves = self.curves(data, &scan, None, &control.cancel)?;
@@ -125,7 +129,7 @@ impl Retriever {
             Ok(())
         })?;
         self.flat = Some(Flat {
-            widths: [0, 1].map(|axis| median(all.widths(axis))),
+            widths: [0, 1].map(|axis| median(all.widths(axis)).unwrap_or(f64::NAN)),
             curves: all,
             shape,
             frame_rows: frame[0],

@@ -1,6 +1,7 @@
 //! The curves of a retriever: where they are, and what fits them.
 
 use super::super::beamlets::Beamlets;
+use super::super::curve_model::CurveModel;
 use super::super::curves::{Curve, Fits, SlitCurve};
 use super::super::fitter::Fitter;
 use super::super::planar::{LatticeBeamlets, LatticeDesign, StepCurves};
@@ -28,6 +29,8 @@ pub(in crate::retrieve) struct SlitCurves {
     pub(super) fitter: Option<Fitter>,
     /// Masks and spot, as the curves depend on them.
     pub(in crate::retrieve) shape: CurveGeometry,
+    /// The curve that is fitted, or of closed forms the nearest that there is.
+    pub(in crate::retrieve) curve: CurveModel,
 }
 
 impl Layout {
@@ -81,6 +84,15 @@ impl Layout {
         match self {
             Self::Pixels(slits) => Some(slits),
             Self::Beamlets(_) | Self::Steps(_) | Self::Lattice(..) => None,
+        }
+    }
+
+    /// The curves over mask offsets; `None` of beamlets.
+    pub(in crate::retrieve) const fn curve_model(&self) -> Option<&CurveModel> {
+        match self {
+            Self::Pixels(slits) => Some(&slits.curve),
+            Self::Steps(curves) => Some(&curves.model),
+            Self::Beamlets(_) | Self::Lattice(..) => None,
         }
     }
 

@@ -1,11 +1,15 @@
 //! The set-up of a retriever by design.
 
+use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
-use super::super::fitter::{FitOptions, Fitter};
-use super::super::method::{Method, different_offsets};
+use super::super::curve_model::CurveModel;
+use super::super::fitter::Fitter;
+use super::super::method::{Estimator, Method, different_offsets};
+use super::super::model::Model;
 use super::super::options::RetrieveOptions;
 use super::super::planar::{Design, LatticeDesign, StepCurves};
 use super::super::shape::CurveGeometry;
+use super::super::value_noise::{NoiseFactors, ValueNoise};
 use super::Retriever;
 use super::layout::{Layout, SlitCurves};
 use super::view_scan::ViewScans;
@@ -52,23 +56,18 @@ impl Retriever {
     ) -> Result<Self> {
         design.check(scene, options)?;
         options.check_values()?;
-        let lever = scene.lever_arm();
-        let (layout, offsets, angle_per_shift) = match design {
+        let (layout, offsets, whole_periods, view_scans) = match design {
             Design::Beamlets(lattice) => {
                 let design = LatticeDesign::of(scene, options, *lattice);
-                (Layout::Lattice(design, None), vec![[0.0; 2]], 1.0 / lever)
+                (Layout::Lattice(design, None), vec![[0.0; 2]], 0.0, None)
             }
             Design::Steps(pairs) => {
                 let (curves, offsets) = StepCurves::of(scene, options, pairs)?;
-                (Layout::Steps(curves), offsets, -scene.magnification() / lever)
-            }
-        };
-        let (whole_periods, view_scans) = match design {
-            Design::Beamlets(_) => (0.0, None),
-            Design::Steps(pairs) => {
                 let first = pairs.first().zip(offsets.first());
+                let whole_periods = first.map_or(0.0, |(all, own)| all[0] - own[0]);
                 let of_view = |x: &[f64]| StepCurves::offsets_of_view(scene, x, [pairs, &offsets]);
-                (first.map_or(0.0, |(all, own)| all[0] - own[0]), ViewScans::of(scene, of_view)?)
+                let view_scans = ViewScans::of(scene, of_view)?;
+                (Layout::Steps(curves), offsets, whole_periods, view_scans)
             }
         };
         Ok(Self {
@@ -76,8 +75,8 @@ impl Retriever {
             whole_periods,
             offsets,
             view_scans,
+            angle_per_shift: angle_per_shift(scene, &layout),
             layout,
-            angle_per_shift,
             flat: None,
         })
     }
@@ -99,34 +98,43 @@ impl Retriever {
         }
         options.check_values()?;
         let offsets = periods.without(&scene.scan.mask_offsets);
-        let lever = scene.lever_arm();
-        let (layout, angle_per_shift) = if method == Method::Beamlet {
-            (Layout::Beamlets(Beamlets::of(scene)?), 1.0 / lever)
+        let layout = if method == Method::Beamlet {
+            Layout::Beamlets(Beamlets::of(scene)?)
         } else {
             let shape = CurveGeometry::of(scene)?.with_background(options.background(), scene)?;
-            let fit_options = FitOptions {
-                weights: options.weights,
-                gain: options.gain.unwrap_or(1.0),
-                read_noise: options.read_noise,
-                saturation: options.saturation,
-                background: shape.background,
+            let model = Model::of(method, &shape);
+            let model =
+                model.ok_or_else(|| Error::scene("detector_mask", "nothing", "both masks"))?;
+            let background = match method.has_background() {
+                true => shape.background,
+                false => BackgroundTerm::Free,
             };
-            let fitter = match method.is_on_device() {
-                true => Some(Fitter::new(compute, &offsets, &fit_options)?),
+            let fitter = match method.estimator() == Estimator::Device {
+                true => {
+                    let noise = ValueNoise::of(options, NoiseFactors::ONE);
+                    Some(Fitter::new(compute, &offsets, noise, background)?)
+                }
                 false => None,
             };
-            (Layout::Pixels(SlitCurves { fitter, shape }), -scene.magnification() / lever)
+            let curve = CurveModel::of_slits(model, background, shape.spread());
+            Layout::Pixels(SlitCurves { fitter, shape, curve })
         };
         Ok(Self {
             options: options.clone(),
             whole_periods: periods.length(),
             offsets: offsets.into_iter().map(|x| [x, 0.0]).collect(),
             view_scans,
+            angle_per_shift: angle_per_shift(scene, &layout),
             layout,
-            angle_per_shift,
             flat: None,
         })
     }
+}
+
+/// Refraction angle per shift of a curve's centre, rad/m: of beamlets on the detector, or of a scan of the sample mask.
+fn angle_per_shift(scene: &Scene, layout: &Layout) -> f64 {
+    let per_shift = if layout.has_beamlets() { 1.0 } else { -scene.magnification() };
+    per_shift / scene.lever_arm()
 }
 
 /// Refuses masks with shifts: frames of a retriever have one curve in each pixel.

@@ -2,8 +2,8 @@
 
 use super::super::fitter::Fitter;
 use super::super::method::Method;
-use super::super::noise_factors::NoiseFactors;
 use super::super::scan::along;
+use super::super::value_noise::{NoiseFactors, ValueNoise};
 use super::Retriever;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::WholePeriods;
@@ -38,29 +38,8 @@ impl Corrected<'_> {
 pub(in crate::retrieve) struct ViewScan<'a> {
     pub(crate) offsets: &'a [[f64; 2]],
     /// Noise of its values.
-    pub(crate) noise: NoiseFactors,
+    pub(crate) noise: ValueNoise,
     pub(crate) fitter: Option<Cow<'a, Fitter>>,
-}
-
-impl<'a> ViewScan<'a> {
-    /// Offsets and noise of values, and the fitter for them, from the fitter of single frames of the flat.
-    /// `is_usual`: it serves these values, too.
-    ///
-    /// # Errors
-    /// [`Error::Device`], [`Error::Memory`].
-    pub(in crate::retrieve) fn of(
-        offsets: &'a [[f64; 2]],
-        noise: NoiseFactors,
-        fitter: Option<&'a Fitter>,
-        is_usual: bool,
-    ) -> Result<Self> {
-        let fitter = match fitter {
-            Some(fitter) if is_usual => Some(Cow::Borrowed(fitter)),
-            Some(fitter) => Some(Cow::Owned(fitter.at(&along(offsets, 0), noise)?)),
-            None => None,
-        };
-        Ok(Self { offsets, noise, fitter })
-    }
 }
 
 impl ViewScans {
@@ -146,11 +125,27 @@ impl Retriever {
         view: usize,
         corrected: Corrected<'a>,
     ) -> Result<ViewScan<'a>> {
-        let noise = corrected.noise;
         let own = corrected.offsets.map_or_else(|| self.own_offsets(view), |own| Ok(Some(own)))?;
-        let is_usual = own.is_none() && noise.is_one();
-        let offsets = own.unwrap_or(&self.offsets);
-        ViewScan::of(offsets, noise, self.layout.fitter(), is_usual)
+        self.scan_at(own, corrected.noise)
+    }
+
+    /// The scan of values at other offsets than those of the flat, where they are given, and with this noise.
+    ///
+    /// # Errors
+    /// [`Error::Device`], [`Error::Memory`].
+    pub(in crate::retrieve) fn scan_at<'a>(
+        &'a self,
+        offsets: Option<&'a [[f64; 2]]>,
+        noise: NoiseFactors,
+    ) -> Result<ViewScan<'a>> {
+        let is_usual = offsets.is_none() && noise.is_one();
+        let (offsets, noise) = (offsets.unwrap_or(&self.offsets), self.value_noise(noise));
+        let fitter = match self.layout.fitter() {
+            Some(fitter) if is_usual => Some(Cow::Borrowed(fitter)),
+            Some(fitter) => Some(Cow::Owned(fitter.at(&along(offsets, 0), noise)?)),
+            None => None,
+        };
+        Ok(ViewScan { offsets, noise, fitter })
     }
 
     /// Offsets of a view, if views have offsets of their own.

@@ -2,7 +2,6 @@
 
 use crate::retrieve::flags;
 use crate::retrieve::input::Input;
-use crate::retrieve::misfit::median;
 use crate::retrieve::model::Model;
 use crate::retrieve::options::RetrieveOptions;
 use crate::retrieve::planar::LatticeBeamlets;
@@ -30,22 +29,18 @@ pub(super) fn begun(
     for (bit, name, meaning) in flags::OF_PIXEL {
         meanings.insert(bit, format!("{name}: {meaning}"));
     }
-    let expected = retriever.expected().into_iter();
+    let (expected, files) = (retriever.expected().into_iter(), scene.files.iter());
+    let has_background = options.method().has_background();
     Record {
         version: beamlet_core::program::VERSION.to_owned(),
         commit: beamlet_core::program::commit(),
-        began: None,
-        written: None,
-        duration_s: 0.0,
-        command: None,
         title: scene.title.clone(),
         method: options.method().name().to_owned(),
         options: input.options().clone(),
         weights: options.weights.word().name.to_owned(),
-        background: options.method().has_background().then(|| options.background().to_string()),
-        response: None,
-        curve: match retriever.model() {
-            Some(Model::Masks(masks)) => Some((*masks).clone()),
+        background: has_background.then(|| options.background().to_string()),
+        curve: match retriever.layout().slits().map(|slits| &slits.curve.model) {
+            Some(Model::Masks(masks)) => Some((**masks).clone()),
             Some(Model::Trapezoid { .. } | Model::Strips(_)) | None => None,
         },
         counts: input.counts(),
@@ -71,37 +66,18 @@ pub(super) fn begun(
         expected_sigma: expected.map(|(name, sigma)| (name.to_owned(), sigma)).collect(),
         // In no directory, so that every path is written absolute.
         geometry: scene.to_toml("", &BTreeMap::new(), &[]).ok(),
-        inputs: BTreeMap::new(),
-        input_stamps: BTreeMap::new(),
-        working_directory: None,
-        files: scene
-            .files
-            .iter()
-            .map(|(path, hash)| (path.display().to_string(), hash.clone()))
-            .collect(),
+        files: files.map(|(path, hash)| (path.display().to_string(), hash.clone())).collect(),
         offsets: scene.scan.mask_offsets.clone(),
         whole_periods: retriever.whole_periods(),
-        flat_width: retriever.flat_curves().and_then(|flat| median(flat.widths(0))),
-        residual: None,
-        reduced_chi_square: None,
-        chi_square_beyond_flat: None,
-        above_one: 0,
-        negative_values: 0,
-        empty_beam: None,
-        correct: Vec::new(),
-        corrections: Vec::new(),
-        warnings: Vec::new(),
+        flat_width: Some(retriever.flat_widths()[0]).filter(|width| width.is_finite()),
         magnification: scene.magnification(),
         lever_arm: scene.lever_arm(),
         angle_per_shift: retriever.angle_per_shift(),
         shape,
-        columns: Vec::new(),
-        drift: None,
         flats_every: input.flats_every(),
-        units: BTreeMap::new(),
         flagged: meanings.keys().map(|bit| (*bit, 0)).collect(),
         flags: meanings,
-        without_answer: 0,
+        ..Record::default()
     }
 }
 

@@ -1,6 +1,6 @@
 //! Uncertainties against the scatter of draws.
 
-use super::super::super::fitter::Weights;
+use super::super::super::value_noise::Weights;
 use super::super::super::method::Method;
 use super::super::super::options::RetrieveOptions;
 use super::super::{Aperture, Lattice};

@@ -1,14 +1,14 @@
-//! The fit of a beamlet, or of a curve over offsets in two directions, by least squares.
+//! Model of the curves of an image, and its fit in two directions by least squares.
 
-use super::super::background_term::BackgroundTerm;
-use super::super::curves::Curve;
-use super::super::equations::{UNKNOWNS, Unknowns};
-use super::super::fit::{Fit, Fitting, NOISE, clamp_covariance};
-use super::super::flags;
-use super::super::model::Model;
-use super::super::scan::{Scan, Values};
-use super::super::strips::{MOST_CORRELATED, Tables};
-use super::super::value_noise::ValueNoise;
+use super::background_term::BackgroundTerm;
+use super::curves::Curve;
+use super::equations::{Equations, UNKNOWNS, Unknowns};
+use super::fit::{Fit, Fitting, NOISE, clamp_covariance};
+use super::flags;
+use super::model::{Model, SLITS};
+use super::scan::{Scan, Values};
+use super::strips::{MOST_CORRELATED, Tables};
+use super::value_noise::ValueNoise;
 
 /// Fewest values of a fit of all unknowns.
 pub(super) const NEEDED: usize = UNKNOWNS + 1;
@@ -20,25 +20,43 @@ const ILL_CONDITIONED: f64 = 100.0;
 
 /// Model of the curves of an image.
 #[derive(Debug, Clone)]
-pub(in crate::retrieve) struct PlanarModel {
-    pub(in crate::retrieve) model: Model,
+pub(super) struct CurveModel {
+    pub(super) model: Model,
+    /// Background of the curves.
+    pub(super) background: BackgroundTerm,
     /// Variances xx and zz of the blur by the geometry, m^2; `None`: unknown, and the fitted ones count.
     pub(super) blur: Option<[f64; 2]>,
     /// Size of a pixel, m, of beamlets.
     pub(super) pixel: Option<[f64; 2]>,
-    /// Background of the curves.
-    pub(in crate::retrieve) background: BackgroundTerm,
+    /// True for curves in two directions; slits have no z.
+    pub(super) is_planar: bool,
 }
 
-impl PlanarModel {
-    /// Places of values with their noise.
+impl CurveModel {
+    /// A model of slits over mask offsets along x. `spread`: variance of its blur by the geometry, m^2.
+    pub(super) const fn of_slits(model: Model, background: BackgroundTerm, spread: f64) -> Self {
+        Self { model, background, blur: Some([spread, 1.0]), pixel: None, is_planar: false }
+    }
+
+    /// Axes along which the mask is stepped.
+    pub(super) const fn axes(&self) -> &'static [usize] {
+        if self.is_planar { &[0, 1] } else { &[0] }
+    }
+
+    /// Equations of the unknowns of the fits.
+    pub(super) fn equations(&self) -> Equations {
+        let held = if self.is_planar { [false; UNKNOWNS] } else { SLITS };
+        Equations::new(&self.background.held(held))
+    }
+
+    /// Places of values of the same weight, with their noise.
     pub(super) fn scan(&self, places: Vec<[f64; 2]>, noise: ValueNoise) -> Scan {
         Scan::new(places, noise, self.background)
     }
 
     /// Fits a curve. `flat`: the same curve of the flat, `None` for the flat itself; `centre`: centre of the
     /// flat's curve to begin with, for a list.
-    pub(in crate::retrieve) fn fit(
+    pub(super) fn fit(
         &self,
         scan: &Scan,
         curve: impl Iterator<Item = f32>,
@@ -102,7 +120,7 @@ impl PlanarModel {
     }
 
     /// Fits all unknowns of a curve, from these on but for the light and the background.
-    pub(in crate::retrieve) fn fit_from(
+    pub(super) fn fit_from(
         &self,
         scan: &Scan,
         curve: impl Iterator<Item = f32>,
