@@ -1,18 +1,16 @@
 //! Corrections by empty beam: errors of a scan are found and undone.
 
+use crate::lab_faults::{self, CYLINDER, ELEVEN, PAPER, PIXELS};
 use crate::reference::draws::Draws;
+use crate::stacks::measured;
 use crate::support::{engine, free_gaussian};
+use beamlet::Backend;
 use beamlet::retrieve::{
-    Corrections, Input, Method, Region, RetrieveOptions, RetrievedArrays, Weights, flags,
-    retrieve_arrays,
+    Corrections, Method, Region, RetrieveOptions, RetrievedArrays, Weights, flags,
 };
 use beamlet::scene::Scene;
-use beamlet::stack::StackFile;
-use beamlet::{Backend, RowsControl};
 use ndarray::{Array3, Array4};
-use ndarray_npy::write_npy;
 
-const PAPER: &str = include_str!("../support/masks.toml");
 /// Displacements of the mask, um, with a deviation of 2 um.
 const JITTER: [f64; 11] = [1.3, -2.4, 2.9, -0.7, 1.9, -2.8, 0.6, -1.6, 3.1, -2.2, 0.9];
 /// Doses with a deviation of 3 %.
@@ -28,19 +26,11 @@ fn list(values: impl IntoIterator<Item = f64>, unit: &str) -> String {
 
 /// A cylinder before 64 columns; `errors` of the scan, and its view.
 fn scene(masks: &str, pixels: &str, scan: &str, errors: &str) -> Scene {
-    let text = format!(
-        "{masks}\n[detector]\ndistance = \"1.8 m\"\n{pixels}\n[scan]\n\
-         mask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n{scan}\n{errors}\n\
-         [sampling]\ntolerance = 1e-4\nangle_tolerance = \"10 nrad\"\n\
-         [materials.carbon]\nformula = \"C\"\ndensity = \"2.0 g/cm3\"\n[[object]]\nname = \"body\"\n\
-         material = \"carbon\"\nshape = {{ cylinder = {{ radius = \"1.5 mm\", height = \"30 mm\" }} }}\n"
-    );
-    Scene::from_toml(&text, ".").unwrap()
+    lab_faults::scene(pixels, &format!("{ELEVEN}\n{scan}\n{errors}"), masks, CYLINDER)
 }
 
-const PIXELS: &str = "pixels = [64, 16]\npitch = \"150 um\"";
-
 /// Intensities, or counts of a dose.
+#[derive(Clone)]
 struct Data {
     scene: Scene,
     flat: Array3<f32>,
@@ -56,10 +46,6 @@ impl Data {
         Self { scene, flat: stacks.flat, sample: stacks.sample }
     }
 
-    fn copy(&self) -> Self {
-        Self { scene: self.scene.clone(), flat: self.flat.clone(), sample: self.sample.clone() }
-    }
-
     fn counts(&self, photons: f64, seed: u64) -> Self {
         let mut draws = Draws(seed);
         let mut count = |y: f32| draws.poisson(f64::from(y) * photons) as f32;
@@ -68,13 +54,8 @@ impl Data {
     }
 
     fn retrieved(&self, options: &RetrieveOptions) -> beamlet::Result<RetrievedArrays> {
-        let place = tempfile::tempdir().unwrap();
-        let open = |name: &str| StackFile::open(place.path().join(name)).unwrap();
-        write_npy(place.path().join("flat.npy"), &self.flat).unwrap();
-        write_npy(place.path().join("sample.npy"), &self.sample).unwrap();
-        let input = Input::measured(&self.scene, open("flat.npy"), open("sample.npy"), None)?;
-        let control = &mut RowsControl::default();
-        retrieve_arrays(&engine(Backend::Bvh), input, options, control)
+        let flat = self.flat.clone().insert_axis(ndarray::Axis(0));
+        measured(&self.scene, [&flat, &self.sample], options)
     }
 }
 
@@ -163,7 +144,7 @@ fn jitter_of_2_um_is_found_to_a_tenth_and_undone() {
     let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
     let faulty = Data::of(&scene(PAPER, PIXELS, "", &of_scan(true, false)));
     let truth = JITTER.map(|at| 1e-6 * at);
-    for (data, is_counts) in [(faulty.counts(2e4, 2), true), (faulty.copy(), false)] {
+    for (data, is_counts) in [(faulty.counts(2e4, 2), true), (faulty.clone(), false)] {
         let found = data.retrieved(&options(Method::ExactCurve, "steps", is_counts)).unwrap();
         let steps = &found.record.corrections[0].steps;
         let [rms, deviations, known] = errors(steps, &truth);
@@ -185,7 +166,7 @@ fn jitter_of_2_um_is_found_to_a_tenth_and_undone() {
 fn doses_of_3_percent_are_found_to_a_tenth_and_undone() {
     let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
     let faulty = Data::of(&scene(PAPER, PIXELS, "", &of_scan(false, true)));
-    for (data, is_counts) in [(faulty.counts(1e6, 2), true), (faulty.copy(), false)] {
+    for (data, is_counts) in [(faulty.counts(1e6, 2), true), (faulty.clone(), false)] {
         let found = data.retrieved(&options(Method::Gaussian, "dose", is_counts)).unwrap();
         let dose = &found.record.corrections[0].dose;
         let [rms, deviations, known] = errors(dose, &DOSES);
@@ -309,7 +290,7 @@ fn empty_beam_is_found_at_both_sides_or_asked_for() {
 impl Data {
     /// The sample at a part of the light of the flat.
     fn with_dose(&self, dose: f32) -> Self {
-        Self { sample: self.sample.mapv(|y| dose * y), ..self.copy() }
+        Self { sample: self.sample.mapv(|y| dose * y), ..self.clone() }
     }
 
     /// Expected counts.
@@ -394,7 +375,7 @@ fn what_cannot_be_determined_is_an_error() {
     refused("offset", Region::new(2..3, 0..4), "4 pixels with a result");
     refused("plane", Region::new(2..3, None), "one row or column");
     refused("plane", Region::new(2..30, 3..4), "one row or column");
-    let mut other = plain.copy();
+    let mut other = plain.clone();
     other.scene.detector.pixels = [60, 16];
     let error =
         other.retrieved(&options(Method::Gaussian, "plane", false)).unwrap_err().to_string();

@@ -4,6 +4,7 @@
 use crate::reference::closed_form::ThinMasks;
 use crate::reference::draws::Draws;
 use crate::reference::fit::{self, Gaussian, gaussian};
+use crate::stacks::even;
 use crate::support::{Checked, Worst, engine_of, engine_with};
 use beamlet::Cancel;
 use beamlet::internals::retrieve::{BackgroundTerm, Fitter, SlitCurve, ValueNoise};
@@ -20,11 +21,6 @@ const ILL_TOLERANCE: f64 = 2e-5;
 
 fn engine() -> Checked {
     engine_of(EngineOptions::default())
-}
-
-/// Even offsets over +-`half`.
-fn even(count: usize, half: f64) -> Vec<f64> {
-    (0..count).map(|i| half * (2.0 * i as f64 / (count - 1) as f64 - 1.0)).collect()
 }
 
 /// Fits curves, one per row, on the device.

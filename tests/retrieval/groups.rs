@@ -3,15 +3,12 @@
 
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
+use crate::stacks::{retrieved, stack};
 use crate::support::{self, Worst, engine};
-use beamlet::retrieve::{
-    Input, Method, RetrieveOptions, RetrievedArrays, Retriever, retrieve_arrays,
-};
+use beamlet::retrieve::{Input, Method, RetrieveOptions, RetrievedArrays, Retriever};
 use beamlet::scene::{Beam, Detector, MaskBody, MaskSpec, Scan, Scene, Source};
-use beamlet::stack::StackFile;
-use beamlet::{Backend, Result, RowsControl};
+use beamlet::{Backend, Result};
 use ndarray::{Array2, Array4};
-use ndarray_npy::write_npy;
 
 /// Transmission, refraction angle (rad) and dark field (rad²).
 type Contrasts = [f64; 3];
@@ -60,14 +57,9 @@ pub(crate) fn retrieve(
     sample: &Array4<f64>,
     options: &RetrieveOptions,
 ) -> Result<RetrievedArrays> {
-    let folder = tempfile::tempdir().unwrap();
-    let stack = |name: &str, frames: &Array4<f64>| {
-        let path = folder.path().join(name);
-        write_npy(&path, &frames.mapv(|value| value as f32)).unwrap();
-        StackFile::open(&path).unwrap()
-    };
-    let input = Input::simulated(scene, stack("flat.npy", flat), stack("sample.npy", sample));
-    retrieve_arrays(&engine(Backend::Bvh), input, options, &mut RowsControl::default())
+    let [flat, sample] = [("flat", flat), ("sample", sample)]
+        .map(|(name, frames)| stack(name, frames.mapv(|value| value as f32)));
+    retrieved(Input::simulated(scene, flat, sample), options)
 }
 
 fn image(found: &RetrievedArrays, name: &str) -> Array2<f64> {
@@ -208,10 +200,7 @@ fn groups_refuse_parts_of_the_pixels_and_shifts_that_form_no_curve() {
     assert!(error.contains("3 offsets") && error.contains("three-step"), "{error}");
     let error = Retriever::new(&engine(Backend::Bvh), &scene, &options).unwrap_err().to_string();
     assert!(error.contains("sample_mask.shifts"), "{error}");
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("flat.npy");
-    write_npy(&path, &flat.mapv(|value| value as f32)).unwrap();
-    let open = || StackFile::open(&path).unwrap();
+    let open = || stack("flat", flat.mapv(|value| value as f32));
     let input = Input::simulated(&scene, open(), open());
     let error = input.with_selection(None, Some([3, 1])).unwrap_err().to_string();
     assert!(error.contains("groups of 3 columns"), "{error}");

@@ -1,19 +1,17 @@
 //! Faults of a laboratory: each is warned of, and sound data are not.
 
 use crate::reference::draws::Draws;
+use crate::stacks::{measured, retrieved, stack};
 use crate::support::{engine, free_gaussian};
-use beamlet::retrieve::{
-    ImagesTo, Input, Method, Record, Region, RetrieveOptions, Weights, retrieve,
-};
+use beamlet::Backend;
+use beamlet::retrieve::{Input, Method, Record, Region, RetrieveOptions, Weights};
 use beamlet::scene::Scene;
-use beamlet::stack::{Format, StackFile};
-use beamlet::{Backend, RowsControl};
+use beamlet::stack::StackFile;
 use ndarray::{Array3, Array4, Axis, Zip};
 use ndarray_npy::write_npy;
-use tempfile::TempDir;
 
 /// A cylinder in the middle of 64 columns; `more` is added to the scene.
-fn scene(detector: &str, offsets: &str, masks: &str, object: &str) -> Scene {
+pub(super) fn scene(detector: &str, offsets: &str, masks: &str, object: &str) -> Scene {
     let text = format!(
         "{masks}\n[detector]\ndistance = \"1.8 m\"\n{detector}\n[scan]\nmask_offsets = {offsets}\n\
          [sampling]\ntolerance = 1e-4\nangle_tolerance = \"10 nrad\"\n\
@@ -23,12 +21,14 @@ fn scene(detector: &str, offsets: &str, masks: &str, object: &str) -> Scene {
     Scene::from_toml(&text, ".").unwrap()
 }
 
-const PAPER: &str = include_str!("../support/masks.toml");
-const PIXELS: &str = "pixels = [64, 16]\npitch = \"150 um\"";
-const ELEVEN: &str = "{ from = \"-25 um\", to = \"25 um\", count = 11 }";
-const CYLINDER: &str = "shape = { cylinder = { radius = \"1.5 mm\", height = \"30 mm\" } }";
+pub(super) const PAPER: &str = include_str!("../support/masks.toml");
+pub(super) const PIXELS: &str = "pixels = [64, 16]\npitch = \"150 um\"";
+pub(super) const ELEVEN: &str = "{ from = \"-25 um\", to = \"25 um\", count = 11 }";
+pub(super) const CYLINDER: &str =
+    "shape = { cylinder = { radius = \"1.5 mm\", height = \"30 mm\" } }";
 
 /// Intensities of flat and views.
+#[derive(Clone)]
 struct Truth {
     scene: Scene,
     flat: Array3<f32>,
@@ -59,27 +59,12 @@ impl Truth {
 
 /// A retrieval of measured stacks.
 fn record(scene: &Scene, [flat, sample]: [&Array4<f32>; 2], options: &RetrieveOptions) -> Record {
-    let place = tempfile::tempdir().unwrap();
-    let file = |name: &str, values: &Array4<f32>| {
-        let path = place.path().join(name);
-        write_npy(&path, values).unwrap();
-        StackFile::open(path).unwrap()
-    };
-    let (flat, sample) = (file("flat.npy", flat), file("sample.npy", sample));
-    of_files(&place, scene, [flat, sample], options)
+    of_stacks(scene, [stack("flat", flat.clone()), stack("sample", sample.clone())], options)
 }
 
-fn of_files(
-    place: &TempDir,
-    scene: &Scene,
-    [flat, sample]: [StackFile; 2],
-    options: &RetrieveOptions,
-) -> Record {
+fn of_stacks(scene: &Scene, [flat, sample]: [StackFile; 2], options: &RetrieveOptions) -> Record {
     let input = Input::measured(scene, flat, sample, None).unwrap();
-    let images = place.path().join("images");
-    let to = ImagesTo::new(&images, Format::Npy);
-    let mut record =
-        retrieve(&engine(Backend::Bvh), input, options, to, &mut RowsControl::default()).unwrap();
+    let mut record = retrieved(input, options).unwrap().record;
     // The response of a method is no fault of the data.
     record.warnings.retain(|warning| !warning.contains("finds small contrasts"));
     record
@@ -212,11 +197,11 @@ fn faults_are_warned_of_with_their_size() {
         println!("swapped");
         warned(&record(&sample, &flat), &["flat and sample may be swapped (check --flat"]);
         println!("dose");
-        let dimmed = Truth { sample: truth.sample.mapv(|y| 0.9 * y), ..truth.copy() };
+        let dimmed = Truth { sample: truth.sample.mapv(|y| 0.9 * y), ..truth.clone() };
         let [_, less] = dimmed.counts(photons, seed + 10);
         warned(&record(&flat, &less), &["the dose of the sample is -", "--empty-beam"]);
         println!("dose per step");
-        let mut uneven = truth.copy();
+        let mut uneven = truth.clone();
         for mut view in uneven.sample.outer_iter_mut() {
             Zip::from(view.outer_iter_mut()).and(&doses).for_each(|mut frame, dose| frame *= *dose);
         }
@@ -245,7 +230,7 @@ fn small_changes_of_the_dose_are_warned_of_with_the_remedy() {
     let truth = Truth::cylinder(ELEVEN);
     let doses =
         [3.0, -2.0, 5.0, 4.0, -4.0, -6.0, -3.0, 5.0, 2.0, -5.0, 4.0].map(|e| 1.0 + 1e-3 * e);
-    let mut uneven = truth.copy();
+    let mut uneven = truth.clone();
     for mut view in uneven.sample.outer_iter_mut() {
         Zip::from(view.outer_iter_mut()).and(&doses).for_each(|mut frame, dose| frame *= *dose);
     }
@@ -316,12 +301,6 @@ fn swapped_stacks_without_noise_are_warned_of() {
     warned(&record, &["transmission is below 0.001 in", "different units or exposures"]);
 }
 
-impl Truth {
-    fn copy(&self) -> Self {
-        Self { scene: self.scene.clone(), flat: self.flat.clone(), sample: self.sample.clone() }
-    }
-}
-
 #[test]
 fn values_of_8_bits_are_warned_of() {
     let truth = Truth::cylinder(ELEVEN);
@@ -334,7 +313,7 @@ fn values_of_8_bits_are_warned_of() {
     let open = |name: &str| StackFile::open(place.path().join(name)).unwrap();
     let options = of_counts(Method::Gaussian);
     let stacks = [open("flat.npy"), open("sample.npy")];
-    let found = of_files(&place, &truth.scene, stacks, &options);
+    let found = of_stacks(&truth.scene, stacks, &options);
     warned(&found, &["sample.npy: has values of 8 bits, unlike the other stack"]);
 }
 
@@ -379,7 +358,7 @@ fn an_empty_beam_reports_dose_and_drift() {
 
     // A drift of 0.5 um towards smaller offsets and nine tenths of the dose, by steps that differ.
     let doses: Vec<f32> = (0..11).map(|k| 0.9 + 0.02 * (k % 3) as f32).collect();
-    let mut faulty = moved.copy();
+    let mut faulty = moved.clone();
     for mut view in faulty.sample.outer_iter_mut() {
         Zip::from(view.outer_iter_mut()).and(&doses).for_each(|mut frame, dose| frame *= *dose);
     }
@@ -403,20 +382,8 @@ fn an_empty_beam_reports_dose_and_drift() {
         (Region::new(60..65, None), "columns 60:65; allowed: columns from 0 to 64"),
         (Region::new(0..4, 16..17), "rows 16:17"),
     ] {
-        let place = tempfile::tempdir().unwrap();
-        let open = |name: &str, values: &Array4<f32>| {
-            let path = place.path().join(name);
-            write_npy(&path, values).unwrap();
-            StackFile::open(path).unwrap()
-        };
-        let (flat, sample) = (open("flat.npy", &flat), open("sample.npy", &sample));
-        let input = Input::measured(&truth.scene, flat, sample, None).unwrap();
-        let images = place.path().join("images");
-        let to = ImagesTo::new(&images, Format::Npy);
         let options = options.clone().with_empty_beam(region);
-        let control = &mut RowsControl::default();
-        let error = retrieve(&engine(Backend::Bvh), input, &options, to, control).unwrap_err();
+        let error = measured(&truth.scene, [&flat, &sample], &options).unwrap_err();
         assert!(error.to_string().contains(word), "{error}");
-        assert!(!images.exists());
     }
 }

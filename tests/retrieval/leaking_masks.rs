@@ -1,10 +1,11 @@
 //! Transmission through leaking masks: the light that a curve measures is softer than the open beam.
 
+use crate::stacks::images_of;
 use crate::support::engine;
 use beamlet::material::{constants_at, constants_over};
 use beamlet::ndarray::Axis;
 use beamlet::reconstruct::{BeamEnergy, BeamHardening};
-use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
+use beamlet::retrieve::{Method, RetrieveOptions};
 use beamlet::scene::{Beam, Scene};
 use beamlet::spectrum::{Spectrum, response};
 use beamlet::{Backend, check::Check};
@@ -40,9 +41,8 @@ fn transmissions_are_of_the_light_that_masks_modulate() {
     let engine = engine(Backend::Bvh);
     let stacks = engine.simulate(&scene).unwrap();
     let options = RetrieveOptions::default().with_method(Method::ExactCurve);
-    let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
-    retriever.set_flat_array(stacks.flat.view()).unwrap();
-    let images = retriever.retrieve_array(stacks.sample.index_axis(Axis(0), 0)).unwrap();
+    let frames = [stacks.flat.view(), stacks.sample.index_axis(Axis(0), 0)];
+    let images = images_of(&engine, &scene, &options, frames);
     let transmission = f64::from(images.get("transmission").unwrap()[[0, 4]]);
 
     let Beam::Spectrum(spec) = &scene.source.beam else { panic!("a spectrum") };

@@ -1,6 +1,7 @@
 //! Frames of a laboratory on the command line: patterns for names in a folder, and steps that are left out.
 
-use crate::noise::{COLUMNS, ROWS, counts, even, scene_text};
+use crate::noise::{COLUMNS, ROWS, counts, scene_text};
+use crate::stacks::even;
 use crate::support::program::{done, ended, run};
 use beamlet::retrieve::{Input, Record};
 use beamlet::stack::Maps;

@@ -1,8 +1,9 @@
 //! The flag of misfits against scenes whose transmission without refraction, and whose silhouettes, are known.
 
 use crate::reference::draws::Draws;
+use crate::stacks::images_of;
 use crate::support::{Checked, engine, free_gaussian};
-use beamlet::retrieve::{Images, Retriever, Weights, flags};
+use beamlet::retrieve::{Images, Weights, flags};
 use beamlet::scene::Scene;
 use beamlet::{Backend, Ray, uncovered};
 use ndarray::{Array2, Array3, Axis};
@@ -104,9 +105,7 @@ fn retrieved(
     if let Some(gain) = gain {
         options = options.with_weights(Weights::Poisson).with_gain(gain);
     }
-    let mut retriever = Retriever::new(engine, scene, &options).unwrap();
-    retriever.set_flat_array(flat.view()).unwrap();
-    retriever.retrieve_array(sample.view()).unwrap()
+    images_of(engine, scene, &options, [flat.view(), sample.view()])
 }
 
 /// Noise-free stacks of a scene with what is true of it.

@@ -4,10 +4,11 @@
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
 use crate::reference::fit::gaussian;
+use crate::stacks::{even, images_of, sheets};
 use crate::support::{Checked, engine_of, free_gaussian};
 use beamlet::Cancel;
 use beamlet::internals::retrieve::{BackgroundTerm, Fitter, ValueNoise};
-use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, flags};
+use beamlet::retrieve::{Images, Method, Retriever, flags};
 use beamlet::scene::Scene;
 use ndarray::{Array3, s};
 
@@ -23,24 +24,8 @@ fn engine() -> Checked {
 
 /// The paper's set-up with hard-edged masks, and offsets in um.
 fn scene(offsets: &[f64], sets: &[&str]) -> Scene {
-    let list: Vec<String> = offsets.iter().map(|f| format!("\"{f} um\"")).collect();
-    let text = format!(
-        "[source]\ndistance = \"1.21 m\"\nspot = [\"30 um\", \"26 um\"]\nenergy = \"30 keV\"\n\
-         [detector]\ndistance = \"1.8 m\"\npixels = [{PIXELS}, 1]\npitch = \"150 um\"\n\
-         [sample_mask]\ndistance = \"1.2 m\"\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
-         [detector_mask]\ndistance = \"1.8 m\"\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
-         [scan]\nmask_offsets = [{}]\n",
-        list.join(", ")
-    );
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("scene.toml");
-    std::fs::write(&path, text).unwrap();
     let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
-    Scene::load_with(&path, &sets).unwrap()
-}
-
-fn even(count: usize, half: f64) -> Vec<f64> {
-    (0..count).map(|i| half * (2.0 * i as f64 / (count - 1) as f64 - 1.0)).collect()
+    Scene::from_toml_with(&sheets([PIXELS, 1], offsets), ".", &sets).unwrap()
 }
 
 /// Frames of one row, `[step][0][pixel]`, of a curve per pixel; offsets in um.
@@ -57,18 +42,7 @@ fn retrieve(
     flat: &Array3<f32>,
     sample: &Array3<f32>,
 ) -> Images {
-    retrieve_with(engine, scene, &free_gaussian().with_method(method), [flat, sample])
-}
-
-fn retrieve_with(
-    engine: &Checked,
-    scene: &Scene,
-    options: &RetrieveOptions,
-    [flat, sample]: [&Array3<f32>; 2],
-) -> Images {
-    let mut retriever = Retriever::new(engine, scene, options).unwrap();
-    retriever.set_flat_array(flat.view()).unwrap();
-    retriever.retrieve_array(sample.view()).unwrap()
+    images_of(engine, scene, &free_gaussian().with_method(method), [flat.view(), sample.view()])
 }
 
 fn value(images: &Images, name: &str, pixel: usize) -> f64 {
@@ -172,7 +146,8 @@ fn exact_curves_of_counts_settle_and_stay_free_of_bias() {
     };
     let (flat, sample) = (counted(&flat), counted(&sample));
     let options = free_gaussian().with_method(Method::ExactCurve).with_gain(1.0);
-    let images = retrieve_with(&engine(), &scene(&offsets, &[]), &options, [&flat, &sample]);
+    let frames = [flat.view(), sample.view()];
+    let images = images_of(&engine(), &scene(&offsets, &[]), &options, frames);
     let without = images.get("refraction").unwrap().iter().filter(|a| a.is_nan()).count();
     assert!(without * 1000 < rows * PIXELS, "{without} without a result");
     for pixel in 0..PIXELS {
@@ -311,9 +286,7 @@ fn bad_pixels_are_flagged_and_hold_no_number() {
     let options = free_gaussian().with_saturation(1.5);
     let engine = engine();
     let scene = scene(&offsets, &[]);
-    let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
-    retriever.set_flat_array(flat.view()).unwrap();
-    let images = retriever.retrieve_array(sample.view()).unwrap();
+    let images = images_of(&engine, &scene, &options, [flat.view(), sample.view()]);
     let bits = |pixel| value(&images, "flags", pixel) as u32 & !flags::MISFIT;
     let of_sample = |bit| flags::of_pixel(0, bit);
     assert_eq!(bits(0), flags::DEAD);
@@ -348,7 +321,7 @@ fn four_steps_about_the_peak_are_singular_and_flagged() {
     // Off the middle four steps tell four unknowns, without an uncertainty.
     let off = symmetric(5.0 * UM);
     let options = free_gaussian().with_gain(1.0);
-    let images = retrieve_with(&engine, &scene, &options, [&off, &off]);
+    let images = images_of(&engine, &scene, &options, [off.view(), off.view()]);
     assert_eq!(value(&images, "flags", 0) as u32, 0);
     assert!((value(&images, "transmission", 0) - 1.0).abs() < 1e-6);
     assert!(value(&images, "transmission_sigma", 0).is_nan());

@@ -71,14 +71,18 @@ fn run() -> PathBuf {
 pub(super) fn copy() -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let to = folder.path().join("run");
-    fs::create_dir(&to).unwrap();
-    for entry in fs::read_dir(run()).unwrap() {
+    copy_files(&run(), &to);
+    (folder, to)
+}
+
+fn copy_files(from: &Path, to: &Path) {
+    fs::create_dir(to).unwrap();
+    for entry in fs::read_dir(from).unwrap() {
         let path = entry.unwrap().path();
         if path.is_file() {
             fs::copy(&path, to.join(path.file_name().unwrap())).unwrap();
         }
     }
-    (folder, to)
 }
 
 #[test]
@@ -221,11 +225,7 @@ fn comparisons_tell_what_differs_and_by_how_much() {
     let (folder, run) = copy();
     let place = folder.path();
     let other = place.join("other");
-    fs::create_dir(&other).unwrap();
-    for entry in fs::read_dir(&run).unwrap() {
-        let path = entry.unwrap().path();
-        fs::copy(&path, other.join(path.file_name().unwrap())).unwrap();
-    }
+    copy_files(&run, &other);
     good(place, &["compare", "run", "other"]);
     let mut sample: Array4<f32> = read_npy(other.join("sample.npy")).unwrap();
     sample[[1, 3, 2, 40]] += 0.01;

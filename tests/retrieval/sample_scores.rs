@@ -1,7 +1,8 @@
 //! Scores of designs at their sample, against closed forms, computation by hand, and noisy retrievals.
 
+use crate::stacks::images_of;
 use crate::support::{Worst, engine};
-use beamlet::retrieve::{RetrieveOptions, Retriever, Weights};
+use beamlet::retrieve::{RetrieveOptions, Weights};
 use beamlet::scene::{Mesh, Object, Scene, ShapeOrMesh};
 use beamlet::sweep::{Outcome, Sweep};
 use beamlet::{Backend, Cancel, IdealOptions, Result, RowsControl, ideal};
@@ -60,9 +61,8 @@ fn retrieved(scene: &Scene, names: &[&str]) -> Vec<Array2<f64>> {
     let mut bare = scene.clone();
     bare.detector.counts = None;
     let stacks = engine.simulate(&bare).unwrap();
-    let mut retriever = Retriever::new(&engine, &bare, &options).unwrap();
-    retriever.set_flat_array(stacks.flat.view()).unwrap();
-    let images = retriever.retrieve_array(stacks.sample.index_axis(Axis(0), 0)).unwrap();
+    let frames = [stacks.flat.view(), stacks.sample.index_axis(Axis(0), 0)];
+    let images = images_of(&engine, &bare, &options, frames);
     names.iter().map(|name| images.get(name).unwrap().mapv(f64::from)).collect()
 }
 
@@ -190,9 +190,8 @@ fn errors_are_those_of_noisy_retrievals() {
     let engine = engine(Backend::Bvh);
     let numbers = engine.simulate(&scene).unwrap().counts.unwrap();
     let options = RetrieveOptions::default().with_weights(Weights::Poisson).with_gain(1.0);
-    let mut retriever = Retriever::new(&engine, &scene, &options).unwrap();
-    retriever.set_flat_array(numbers.flat.view()).unwrap();
-    let images = retriever.retrieve_array(numbers.sample.index_axis(Axis(0), 0)).unwrap();
+    let frames = [numbers.flat.view(), numbers.sample.index_axis(Axis(0), 0)];
+    let images = images_of(&engine, &scene, &options, frames);
     let truth =
         ideal(&engine, &scene, &IdealOptions::default(), &mut RowsControl::default()).unwrap();
     let mut worst = Worst::new("error of noisy retrievals over the score, less 1", 0.04);

@@ -1,16 +1,12 @@
 //! Columns that are kept of frames, and pixels that are added: images, places of columns, refusals.
 
+use crate::retrieve_cli::good;
 use crate::support::program::{beamlet, ended, stderr};
 use beamlet::retrieve::Record;
 use beamlet::stack::{GeometryFile, Maps, OpenRun, StackFile};
 use ndarray::{Array3, s};
 use ndarray_npy::{read_npy, write_npy};
 use std::path::Path;
-
-fn good(place: &Path, words: &[&str]) {
-    let output = beamlet(place).args(words).output().unwrap();
-    assert!(output.status.success(), "{words:?}: {}", stderr(&output));
-}
 
 /// A ball over pixels of this size, with masks of 150 um on the detector.
 fn simulate(place: &Path, name: &str, pixels: &str, pitch: &str) {

@@ -149,20 +149,3 @@ fn omitted() -> String {
         (0..25).filter(|step| step / 5 != 2 && *step != 0).map(|step| step.to_string()).collect();
     off.join(",")
 }
-
-/// Pixels behind a pattern have no curve of one peak: no method serves them.
-#[test]
-fn runs_behind_patterns_are_refused_by_name() {
-    let place = tempfile::tempdir().unwrap();
-    let scene = "[sample_mask]\ndistance = \"0.95 m\"\ntransmission = 0.1\n\
-                 pattern = [\"0110\", \"1001\", \"0101\"]\npattern_pixel = \"5 um\"\n\
-                 [detector]\ndistance = \"1.5 m\"\npixels = [12, 10]\npitch = \"8 um\"\n\
-                 [scan]\nmask_offsets = [\"-5 um\", \"0 um\", \"5 um\"]\n";
-    let set_up = SET_UP.replace("1e-5", "1e-2");
-    fs::write(place.path().join("scene.toml"), format!("{set_up}{scene}")).unwrap();
-    good(place.path(), &["simulate", "scene.toml", "-o", "run", "-q"]);
-    for method in [&[][..], &["--method", "gaussian"], &["--method", "exact-curve"]] {
-        let words = [&["retrieve", "run", "-o", "images"], method].concat();
-        bad(place.path(), &words, 1, "sample_mask.pattern: found a list of apertures");
-    }
-}

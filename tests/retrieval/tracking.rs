@@ -4,8 +4,9 @@
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
 use crate::reference::normal::{SIGMA_PER_FWHM, nodes};
+use crate::stacks::images_of;
 use crate::support::{Checked, Worst, engine_of};
-use beamlet::retrieve::{Images, Method, RetrieveOptions, Retriever, Weights, flags};
+use beamlet::retrieve::{Images, Method, RetrieveOptions, Weights, flags};
 use beamlet::scene::Scene;
 use ndarray::Array3;
 
@@ -83,9 +84,7 @@ impl Tracking {
     ) -> Images {
         let scene = self.scene(flat.dim().1);
         let options = options.clone().with_method(Method::Beamlet);
-        let mut retriever = Retriever::new(engine, &scene, &options).unwrap();
-        retriever.set_flat_array(flat.view()).unwrap();
-        retriever.retrieve_array(sample.view()).unwrap()
+        images_of(engine, &scene, &options, [flat.view(), sample.view()])
     }
 }
 

@@ -2,15 +2,12 @@
 //! is in the tests of `engine/recon/retrieve/planar`.
 
 use crate::retrieve_cli::{bad, good};
-use crate::support::engine;
+use crate::stacks::measured;
 use beamlet::retrieve::{
-    Background, Corrections, Input, Method, Region, RetrieveOptions, RetrievedArrays,
-    retrieve_arrays,
+    Background, Corrections, Method, Region, RetrieveOptions, RetrievedArrays,
 };
 use beamlet::scene::Scene;
-use beamlet::stack::StackFile;
-use beamlet::{Backend, RowsControl};
-use ndarray::{Array3, Array4};
+use ndarray::{Array3, Array4, Axis};
 use ndarray_npy::{read_npy, write_npy};
 use std::fs;
 use std::path::Path;
@@ -42,6 +39,14 @@ fn write(folder: &Path, flat: Array3<f32>, views: &[Array3<f32>]) {
     write_npy(folder.join("sample.npy"), &all).unwrap();
     fs::write(folder.join("scene.toml"), SCENE).unwrap();
     fs::write(folder.join("two.toml"), format!("{DETECTOR_MASK}{SCENE}")).unwrap();
+}
+
+/// Offsets along x and z, um, as lists in files.
+fn write_lists(folder: &Path, grid: &[[f64; 2]]) {
+    for (axis, name) in ["x.txt", "z.txt"].into_iter().enumerate() {
+        let list: String = grid.iter().map(|pair| format!("{} um\n", pair[axis])).collect();
+        fs::write(folder.join(name), list).unwrap();
+    }
 }
 
 const WORDS: [&str; 7] =
@@ -126,8 +131,7 @@ fn steps_along_x_and_z_become_images_and_lists_without_a_direction_are_refused()
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
     // A Gaussian curve of 6 um over a grid of 5 x 5 offsets, displaced by 1 um and -2 um.
-    let grid: Vec<[f64; 2]> =
-        (0..25).map(|k| [f64::from(k % 5) * 5.0 - 10.0, f64::from(k / 5) * 5.0 - 10.0]).collect();
+    let grid = grid();
     let curve = |light: f64, [x, z]: [f64; 2]| {
         Array3::from_shape_fn((25, 2, 3), |(step, ..)| {
             let square = (grid[step][0] - x).powi(2) + (grid[step][1] - z).powi(2);
@@ -135,11 +139,7 @@ fn steps_along_x_and_z_become_images_and_lists_without_a_direction_are_refused()
         })
     };
     write(path, curve(1.0, [0.0; 2]), &[curve(0.8, [1.0, -2.0]), curve(0.8, [1.0, -2.0])]);
-    let list = |axis: usize| -> String {
-        grid.iter().map(|pair| format!("{} um\n", pair[axis])).collect()
-    };
-    fs::write(path.join("x.txt"), list(0)).unwrap();
-    fs::write(path.join("z.txt"), list(1)).unwrap();
+    write_lists(path, &grid);
     fs::write(path.join("none.txt"), "0 um\n".repeat(25)).unwrap();
     let steps = |z: &'static str| {
         let free = ["--background", "free"];
@@ -167,13 +167,8 @@ fn steps_along_x_and_z_become_images_and_lists_without_a_direction_are_refused()
 fn an_axis_whose_steps_change_nothing_has_no_angle() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path();
-    let grid: Vec<[f64; 2]> =
-        (0..25).map(|k| [f64::from(k % 5) * 5.0 - 10.0, f64::from(k / 5) * 5.0 - 10.0]).collect();
-    let list = |axis: usize| -> String {
-        grid.iter().map(|pair| format!("{} um\n", pair[axis])).collect()
-    };
-    fs::write(path.join("x.txt"), list(0)).unwrap();
-    fs::write(path.join("z.txt"), list(1)).unwrap();
+    let grid = grid();
+    write_lists(path, &grid);
     let words = words(&[
         "--geometry",
         "two.toml",
@@ -220,15 +215,8 @@ fn images(
     [flat, sample]: [&Array3<f32>; 2],
     options: &RetrieveOptions,
 ) -> RetrievedArrays {
-    let folder = tempfile::tempdir().unwrap();
-    let stack = |name: &str, frames: &Array3<f32>| {
-        let path = folder.path().join(name);
-        write_npy(&path, frames).unwrap();
-        StackFile::open(path).unwrap()
-    };
-    let (flat, sample) = (stack("flat.npy", flat), stack("sample.npy", sample));
-    let input = Input::measured(scene, flat, sample, None).unwrap();
-    retrieve_arrays(&engine(Backend::Bvh), input, options, &mut RowsControl::default()).unwrap()
+    let [flat, sample] = [flat, sample].map(|of| of.clone().insert_axis(Axis(0)));
+    measured(scene, [&flat, &sample], options).unwrap()
 }
 
 /// Faults of a scan over a grid of 5 x 5 offsets: doses, displacements (um) of the frames along x and z, and shifts of
@@ -447,7 +435,7 @@ fn dithers_and_offsets_of_views_are_those_of_slits() {
         RetrieveOptions::default().with_method(Method::Gaussian).with_background(Background::Free);
     let of_views = |views: [&[[f64; 2]]; 2]| {
         let frames = views.map(|grid| none.frames(grid, true));
-        ndarray::concatenate![ndarray::Axis(0), frames[0], frames[1]]
+        ndarray::concatenate![Axis(0), frames[0], frames[1]]
     };
     let one = images(&grid_scene(&grid), [&flat, &none.frames(&grid, true)], &options);
     let mut dithered = grid_scene(&grid);

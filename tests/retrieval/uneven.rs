@@ -2,12 +2,12 @@
 
 use crate::reference::closed_form::blurred_overlap;
 use crate::reference::draws::Draws;
-use crate::support::{engine, free_gaussian};
-use beamlet::retrieve::{Input, Method, RetrievedArrays, flags, retrieve_arrays};
+use crate::stacks;
+use crate::support::free_gaussian;
+use beamlet::retrieve::{Input, Method, RetrievedArrays, flags};
 use beamlet::scene::Scene;
 use beamlet::stack::StackFile;
-use beamlet::{Backend, RowsControl};
-use std::ops::Range;
+use ndarray::Array4;
 
 const UM: f64 = 1e-6;
 /// M/z of the scene below.
@@ -17,51 +17,36 @@ const COLUMNS: usize = 2;
 const ALPHA: f64 = 2e-6;
 const DARK_FIELD: f64 = 2.5e-11;
 
-fn list(offsets: &[f64]) -> String {
-    let list: Vec<String> = offsets.iter().map(|f| format!("\"{f} um\"")).collect();
-    format!("[{}]", list.join(", "))
-}
-
 /// The paper's masks as sheets at these offsets in um, of the flat and of each view.
 fn scene(flat: &[f64], views: &[Vec<f64>]) -> Scene {
-    let views: Vec<String> = views.iter().map(|offsets| list(offsets)).collect();
-    let text = format!(
-        "[source]\ndistance = \"1.21 m\"\nspot = \"30 um\"\nenergy = \"30 keV\"\n\
-         [detector]\ndistance = \"1.8 m\"\npixels = [{COLUMNS}, 1]\npitch = \"150 um\"\n\
-         [sample_mask]\ndistance = \"1.2 m\"\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
-         [detector_mask]\ndistance = \"1.8 m\"\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
-         [scan]\nmask_offsets = {}\nview_offsets = [{}]\n\
-         angles = {{ from = \"0 deg\", to = \"180 deg\", count = {} }}\n",
-        list(flat),
-        views.join(", "),
-        views.len()
-    );
-    Scene::from_toml(&text, ".").unwrap()
+    let mut scene = Scene::from_toml(&stacks::sheets([COLUMNS, 1], flat), ".").unwrap();
+    scene.scan.angles = (0..views.len()).map(|view| view as f64).collect();
+    scene.scan.view_offsets =
+        views.iter().map(|offsets| offsets.iter().map(|x| x * UM).collect()).collect();
+    scene
 }
 
 /// A stack of the curves of two pixels: at offsets of each view, displaced by an angle or widened.
-fn stack(name: &str, views: Vec<Vec<f64>>, contrasts: [[f64; 3]; 2]) -> StackFile {
+fn stack(name: &str, views: &[Vec<f64>], contrasts: [[f64; 3]; 2]) -> StackFile {
     let blur = 0.5 * 30.0 * UM * 0.424_660_900_144_009_5;
-    let value = move |x: f64, [t, alpha, dark]: [f64; 3]| {
+    let value = |x: f64, [t, alpha, dark]: [f64; 3]| {
         let blur = (dark * 0.59_f64).mul_add(0.59, blur * blur).sqrt();
         t * blurred_overlap(1.5 * (x * UM + alpha / ARM), 30.0 * UM, 30.0 * UM, blur) / (150.0 * UM)
     };
-    let steps = views[0].len();
-    let shape = [views.len(), steps, 1, COLUMNS];
-    let read = move |frame: usize, _: Range<usize>| {
-        let x = views[frame / steps][frame % steps];
-        Ok(contrasts.iter().map(|contrast| value(x, *contrast) as f32).collect())
-    };
-    StackFile::of_values(name, shape, read).unwrap()
+    let shape = (views.len(), views[0].len(), 1, COLUMNS);
+    let values = Array4::from_shape_fn(shape, |(view, step, _, column)| {
+        value(views[view][step], contrasts[column]) as f32
+    });
+    stacks::stack(name, values)
 }
 
 fn retrieved(flat: &[f64], views: &[Vec<f64>], method: Method) -> RetrievedArrays {
-    let of_flat = stack("flat", vec![flat.to_vec()], [[1.0, 0.0, 0.0]; 2]);
+    let of_flat = stack("flat", &[flat.to_vec()], [[1.0, 0.0, 0.0]; 2]);
     let contrasts = [[0.6, ALPHA, 0.0], [0.6, 0.0, DARK_FIELD]];
-    let sample = stack("sample", views.to_vec(), contrasts);
+    let sample = stack("sample", views, contrasts);
     let input = Input::measured(&scene(flat, views), of_flat, sample, None).unwrap();
     let options = free_gaussian().with_method(method);
-    retrieve_arrays(&engine(Backend::Bvh), input, &options, &mut RowsControl::default()).unwrap()
+    stacks::retrieved(input, &options).unwrap()
 }
 
 /// Relative errors of the angle and of the dark field in a view.
@@ -142,16 +127,14 @@ fn moments_without_saturated_values_keep_area_and_centre() {
     let offsets: Vec<f64> = (-16..=16).map(|k| 2.5 * f64::from(k)).collect();
     let views = std::slice::from_ref(&offsets);
     let stacks = || {
-        let of_flat = stack("flat", vec![offsets.clone()], [[1.0, 0.0, 0.0]; 2]);
-        (of_flat, stack("sample", views.to_vec(), [[1.0, ALPHA, 0.0]; 2]))
+        let of_flat = stack("flat", views, [[1.0, 0.0, 0.0]; 2]);
+        (of_flat, stack("sample", views, [[1.0, ALPHA, 0.0]; 2]))
     };
     let (flat, sample) = stacks();
     let input = Input::measured(&scene(&offsets, views), flat, sample, None).unwrap();
     let most = stacks().0.frame(0, 15, 0..1).unwrap()[[0, 0]];
     let options = free_gaussian().with_method(Method::Moments).with_saturation(Some(most));
-    let found =
-        retrieve_arrays(&engine(Backend::Bvh), input, &options, &mut RowsControl::default())
-            .unwrap();
+    let found = stacks::retrieved(input, &options).unwrap();
     let bits = flags::of_pixel(flags::SATURATED, flags::SATURATED);
     let value = |name: &str| f64::from(found.images[name][[0, 0, 0]]);
     assert_eq!(value("flags").to_bits(), f64::from(bits).to_bits());

@@ -5,7 +5,6 @@ use super::super::super::options::RetrieveOptions;
 use super::super::{Aperture, Lattice};
 use super::light::{Blurred, Contrasts};
 use super::{Tracking, assert_within, known};
-use ndarray::{Array3, Axis, s};
 
 const UM: f64 = 1e-6;
 
@@ -80,48 +79,6 @@ fn moments_are_corrected_for_the_light_beyond_the_window() {
         let parts = [1e-4, 1e-3, 1e-3, 1e-2, 1e-2, 1e-2];
         assert_within(&found, &weak, parts, &format!("{sigma} um"));
     }
-}
-
-/// A frame turned by 90 degrees from x towards z.
-fn turned(frame: &Array3<f32>) -> Array3<f32> {
-    let mut turned = frame.clone().permuted_axes([0, 2, 1]);
-    turned.invert_axis(Axis(1));
-    turned.slice(s![.., .., ..]).to_owned()
-}
-
-#[test]
-fn a_frame_turned_by_90_degrees_has_the_contrasts_of_the_turned_object() {
-    let lattice = Lattice::parse("77 um, 83 um").unwrap();
-    let light = Blurred::gaussian([variance(11.0), variance(9.0), 0.0]);
-    let of = tracking(lattice, light, [1.7, -2.2]);
-    let frames = [of.frame(&Contrasts::EMPTY), of.frame(&OBJECT)];
-    let frames = [turned(&frames[0]), turned(&frames[1])];
-    let light = Blurred::gaussian([variance(9.0), variance(11.0), 0.0]);
-    let beside = Tracking {
-        shape: [46, 40],
-        ..tracking(Lattice::parse("83 um, 77 um").unwrap(), light, [2.2, 1.7])
-    };
-    let retriever = beside.retriever_of(&RetrieveOptions::default(), &frames[0]);
-    let found = retriever.retrieve_array(frames[1].view()).unwrap();
-    assert_within(&found, &OBJECT.turned(), [1e-4, 1e-4, 1e-4, 1e-3, 1e-3, 1e-3], "turned");
-    // The light itself: a frame that is made of the turned object is the turned frame.
-    let made = beside.frame(&OBJECT.turned());
-    let most = made.iter().zip(&frames[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-    assert!(most < 1e-5, "{most}");
-}
-
-#[test]
-fn light_displaced_upwards_is_refracted_towards_positive_z() {
-    let lattice = Lattice::parse("77 um, 77 um").unwrap();
-    let of = tracking(lattice, Blurred::gaussian([variance(10.0), variance(10.0), 0.0]), [0.0; 2]);
-    let flat = of.frame(&Contrasts::EMPTY);
-    // One row up: towards row 0, and larger z.
-    let mut sample = flat.clone();
-    sample.slice_mut(s![.., ..-1, ..]).assign(&flat.slice(s![.., 1.., ..]));
-    let found = of.images(&RetrieveOptions::default(), [&flat, &sample]);
-    let angles = known(&found, "refraction_z");
-    let middle = super::super::super::misfit::median(angles).unwrap();
-    assert!((middle - super::PIXEL / super::ARM).abs() < 1e-9, "{middle:e}");
 }
 
 #[test]

@@ -18,12 +18,6 @@ impl Contrasts {
         let dark = (xx + zz) / 2.0;
         [t, angle, angle, dark, dark, dark.max(xz.abs())]
     }
-
-    /// The same object turned by 90 degrees from x towards z.
-    pub(super) fn turned(&self) -> Self {
-        let [t, x, z, xx, zz, xz] = self.0;
-        Self([t, -z, x, zz, xx, -xz])
-    }
 }
 
 /// Points of an aperture with their shares, and the covariance of the blur, m^2.

@@ -101,13 +101,3 @@ fn rectangles_of_both_masks_are_fitted_with_their_own_curve() {
     let refused = Retriever::in_two_directions(&scene, &Design::Steps(pairs), &round);
     assert!(refused.unwrap_err().to_string().contains("detector_aperture"));
 }
-
-#[test]
-fn steps_along_x_alone_are_refused_with_what_they_lack() {
-    let scene = scene([2, 3], MASKS);
-    let pairs: Vec<[f64; 2]> = (-5..=5).map(|i| [f64::from(i) * 4.0 * UM, 0.0]).collect();
-    let options = RetrieveOptions::default();
-    let refused = Retriever::in_two_directions(&scene, &Design::Steps(pairs), &options);
-    let message = refused.unwrap_err().to_string();
-    assert!(message.contains("refraction along z"), "{message}");
-}
