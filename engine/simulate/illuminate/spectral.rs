@@ -61,7 +61,7 @@ pub(crate) struct EnergyBinning {
     acting: Vec<usize>,
     /// How much more strongly the sample refracts than at the mean constants, by node.
     delta_ratio: Vec<f64>,
-    /// Share of the grazing incidence below which exact transport is repeated, by node.
+    /// Share of the grazing incidence below which exact transport is repeated in a cell of [`FULL_SHARE`], by node.
     exact_retrace_threshold: Vec<f64>,
     materials: usize,
     words: usize, // of a ray's moments
@@ -209,7 +209,6 @@ impl EnergyBinning {
         let mut before: &[f32] = &[];
         for index in first..first + cell_row.cell_count as usize {
             let cell = &cell_rows.cells[index];
-            let x = [cell.x_low, cell.x_high];
             let ends = &cell_rows.moments.ends[index * words..(index + 1) * words];
             let [low, high] = [&ends[..words / 2], &ends[words / 2..]];
             self.variances([low, high], &mut scratch.variances);
@@ -229,30 +228,11 @@ impl EnergyBinning {
                 scratch.light.push([low.1, high.1]);
             }
             if exact.get(at).is_some_and(|e| e.cell as usize == index) {
-                let exact_index = at;
+                self.correct(&exact[at], [low, high], &mut scratch.results);
+                repeated.replace(self, at, &mut scratch.results);
                 at += 1;
-                self.correct(&exact[exact_index], [low, high], &mut scratch.results);
                 for (light, results) in scratch.light.iter_mut().zip(&scratch.results) {
                     *light = results.map(|result| result.light());
-                }
-                if let Some(nodes) = repeated.of(exact_index) {
-                    let lists = &mut scratch.lists[groups..];
-                    for ((results, again), (list, variance)) in scratch
-                        .results
-                        .iter()
-                        .zip(nodes)
-                        .zip(lists.iter_mut().zip(&scratch.variances))
-                    {
-                        let first = list.len();
-                        match again {
-                            None => list.push(self.cell(cell_row, x, *results)),
-                            Some(again) => self.push_exact(list, cell_row, cell, again),
-                        }
-                        list[first..]
-                            .iter_mut()
-                            .for_each(|c| c.displacement_variance += single(*variance));
-                    }
-                    continue;
                 }
             }
             if bars.apart {

@@ -5,15 +5,17 @@ use super::node_result::NodeResult;
 use crate::sampling::{CellBatch, ExactCell};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
-use beamlet_interface::{Cell, CellRow, FLAG_NOT_FINITE, Ray, RayResult};
+use beamlet_interface::{FLAG_NOT_FINITE, Ray, RayResult};
 use beamlet_model::material::Constants;
 use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::Transport;
 use rayon::prelude::*;
 
-/// Share of the grazing incidence below which the first order leaves 1e-9 rad, where the second order
-/// leaves as much: beyond it the error grows by delta^2 / c^3.
+/// Share of the grazing incidence at which the third order turns light by `FIRST_ORDER_ERROR`, as the second order does
+/// at grazing incidence.
 const SEVERE: f64 = 0.2154;
+/// Optical depth of rays that could not be followed.
+const DARK: f64 = 1e4;
 
 /// Exact transport repeated at some nodes.
 #[derive(Debug, Default)]
@@ -38,10 +40,21 @@ impl AtNode {
 }
 
 impl Repeated {
-    /// Results of an exact cell, by node, where it was repeated at some.
-    pub(super) fn of(&self, cell: usize) -> Option<impl Iterator<Item = Option<&RayResult>>> {
-        let at = self.cells.binary_search_by_key(&cell, |cell| *cell as usize).ok()?;
-        Some(self.nodes.iter().map(move |node| node.at(at)))
+    /// Puts the results of an exact cell in the place of those at the nodes where it was repeated.
+    pub(super) fn replace(
+        &self,
+        binning: &EnergyBinning,
+        cell: usize,
+        results: &mut [[NodeResult; 2]],
+    ) {
+        let Ok(cell) = self.cells.binary_search_by_key(&cell, |cell| *cell as usize) else {
+            return;
+        };
+        for (node, results) in self.nodes.iter().zip(results) {
+            if let Some(result) = node.at(cell) {
+                *results = [binning.exact_result(result); 2];
+            }
+        }
     }
 }
 
@@ -50,7 +63,10 @@ impl EnergyBinning {
     pub(super) fn repeat(&self, tracer: &mut Tracer, cell_rows: &CellBatch) -> Result<Repeated> {
         let exact = &cell_rows.moments.exact;
         let asks = |(index, cell): (usize, &ExactCell)| {
-            let grazing = cell.grazing();
+            let it = &cell_rows.cells[cell.cell as usize];
+            // The third order goes with the fifth power of the incidence.
+            let scale = self.tolerance_scale([it.x_low, it.x_high]);
+            let grazing = cell.grazing() * libm::pow(scale, 0.2);
             let nodes: Vec<bool> =
                 self.exact_retrace_threshold.iter().map(|least| grazing < *least).collect();
             nodes.contains(&true).then_some((numbers::count(index), nodes))
@@ -110,6 +126,9 @@ impl EnergyBinning {
 
     /// Result of a ray that was traced exactly.
     fn exact_result(&self, result: &RayResult) -> NodeResult {
+        if result.flags & FLAG_NOT_FINITE != 0 {
+            return NodeResult { depth: DARK, ..NodeResult::default() };
+        }
         NodeResult {
             depth: result.optical_depth.into(),
             x: result.displacement_x.into(),
@@ -117,28 +136,16 @@ impl EnergyBinning {
             slope_x: result.slope_x.into(),
         }
     }
-
-    /// The cell of a repeated walk at one node.
-    pub(super) fn push_exact(
-        &self,
-        list: &mut Vec<Cell>,
-        cell_row: &CellRow,
-        cell: &Cell,
-        result: &RayResult,
-    ) {
-        if result.flags & FLAG_NOT_FINITE == 0 {
-            let result = self.exact_result(result);
-            list.push(self.cell(cell_row, [cell.x_low, cell.x_high], [result; 2]));
-        }
-    }
 }
 
-/// Share of the grazing incidence that rays were flagged by, below which exact transport at the
-/// reference constants does not determine that at a node.
+/// Share of the grazing incidence that rays were flagged by, below which exact transport at the reference constants
+/// does not determine that at a node, in a cell of `FULL_SHARE`: there the third order displaces light by more
+/// than `spare`, over what `FIRST_ORDER_ERROR` displaces it by.
 pub(super) fn exact_retrace_threshold(
     transport: Transport,
     media: &MaterialTable,
     reference: &[Constants],
+    spare: f64,
 ) -> Vec<f64> {
     if transport == Transport::Exact {
         // A node that was traced is known: another walk of it finds the same.
@@ -147,13 +154,14 @@ pub(super) fn exact_retrace_threshold(
     }
     let strongest = |node: &[Constants]| node.iter().fold(0.0_f64, |m, c| m.max(c.delta.abs()));
     let (exact_result, flagged) = (strongest(reference), media.strongest());
-    // The third order is delta^3 / c^5, and counts by the light of the node.
+    let nodes = media.weights.len() as f64;
+    // The third order is delta^3 / c^5, and counts by the light of the node, over the mean light of one.
     let share = |(node, weight): (&Vec<Constants>, &f64)| {
         if flagged <= 0.0 || node == reference {
             return 0.0;
         }
         let delta_ratio = strongest(node).max(exact_result) / flagged;
-        SEVERE * libm::pow(weight * delta_ratio.powi(3), 0.2)
+        SEVERE * libm::pow(nodes * weight * delta_ratio.powi(3) / spare, 0.2)
     };
     media.constants.iter().zip(&media.weights).map(share).collect()
 }

@@ -6,6 +6,7 @@ use super::edges::SharedEdges;
 use super::exact::exact_retrace_threshold;
 use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE, SPREAD_OF_ROW, SPREAD_SHARE};
 use crate::sampling::Lattice;
+use crate::trace::FIRST_ORDER_ERROR;
 use beamlet_core::Result;
 use beamlet_core::numbers::{count, single};
 use beamlet_gpu::Device;
@@ -59,6 +60,9 @@ impl EnergyBinning {
         );
         let tolerances = optics.sampling.tolerances();
         let tolerance = DISPLACEMENT_SHARE * tolerances.angle * optics.lever_arm;
+        // Displaced by this, the light of a cell of `FULL_SHARE` changes by a hundredth of the tolerance at edges.
+        let first_order = FIRST_ORDER_ERROR * optics.lever_arm;
+        let spare = tolerance.min(lattice.edge_blur * tolerances.light).max(first_order);
         let share = SPREAD_SHARE * libm::cbrt(tolerances.light / 1e-3).min(1.0);
         let mut spectral = Self {
             edges,
@@ -71,6 +75,7 @@ impl EnergyBinning {
                 optics.sampling.transport,
                 media,
                 reference,
+                spare / first_order,
             ),
             materials,
             words: media.moment_words(),
