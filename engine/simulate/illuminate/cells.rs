@@ -5,7 +5,7 @@ use super::fit::fit;
 use super::light::{ApertureEdges, IlluminationBuffer};
 use super::row_parts::parts_of;
 use super::sums::PixelSums;
-use crate::sampling::CellBatch;
+use crate::sampling::{CellBatch, lands_near};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Buffer, Device, DeviceKind, LazyKernel, Pace, Recorder, Upload, push_bytes};
@@ -183,8 +183,9 @@ impl CellIlluminator {
             uploads.push(Upload::new(&cell_buffer, at, &list.cells));
             // Light of parts of a spot that spread differently over rows has its own kernel, and so has
             // light of cells that lands far off.
-            let near =
-                |cell_row: &&CellRow| !light.rows_apart() && lands_near(&list.cells, cell_row);
+            let near = |cell_row: &&CellRow| {
+                !light.rows_apart() && lands_near(&list.cells[cell_row.first_cell as usize])
+            };
             let (near, far): (Vec<_>, Vec<_>) = list.cell_rows.iter().partition(near);
             for (some, far) in [(near, false), (far, true)] {
                 let (first_row, first_part) = (ordered.len(), numbers::count(parts.len()));
@@ -295,10 +296,4 @@ struct DispatchPart<'l> {
     light: &'l IlluminationBuffer,
     far: bool,
     parts: Range<u32>,
-}
-
-/// True if all light of a cell row lands in its row and the two beside it.
-fn lands_near(cells: &[Cell], cell_row: &CellRow) -> bool {
-    let first = cell_row.first_cell as usize;
-    cells[first..first + cell_row.cell_count as usize].iter().all(|cell| cell.share_above >= 0.0)
 }

@@ -27,8 +27,20 @@ pub struct CellBatch {
 }
 
 impl CellBatch {
-    /// Appends a cell row with its cells and their moments.
+    /// Appends a cell row with its cells and their moments. Without moments, cells whose light lands far off get a cell
+    /// row of their own.
     pub(crate) fn push(&mut self, cell_row: CellRow, cells: &[Cell], moments: &CellMoments) {
+        let differ = |pair: &[Cell]| lands_near(&pair[0]) != lands_near(&pair[1]);
+        if moments.ends.is_empty() && cells.windows(2).any(differ) {
+            let (near, far): (Vec<Cell>, Vec<Cell>) = cells.iter().partition(|it| lands_near(it));
+            self.push_together(cell_row, &near, moments);
+            self.push_together(cell_row, &far, moments);
+        } else {
+            self.push_together(cell_row, cells, moments);
+        }
+    }
+
+    fn push_together(&mut self, cell_row: CellRow, cells: &[Cell], moments: &CellMoments) {
         if cells.is_empty() {
             return;
         }
@@ -124,6 +136,11 @@ fn join<T: Pod + Send + Sync>(
         Ok([only]) => only,
         Err(own) => parallel::concat(&own),
     }
+}
+
+/// True if all light of a cell lands in its row and the two beside it.
+pub(crate) fn lands_near(cell: &Cell) -> bool {
+    cell.share_above > -1.0
 }
 
 /// A cell row with the transmission of its cells and the reach of their light.
