@@ -120,9 +120,10 @@ impl CellBatch {
         part
     }
 
-    /// Cell rows of about equal size side by side: invocations of a subgroup wait for one another.
+    /// Cell rows whose sizes are within a factor of two side by side, those of neighbouring lines next to one another:
+    /// invocations of a subgroup wait for one another, and neighbours pass the same apertures.
     pub(crate) fn balance(&mut self) {
-        self.cell_rows.sort_by_key(|s| std::cmp::Reverse(s.cell_count));
+        self.cell_rows.sort_by_key(|s| std::cmp::Reverse(s.cell_count.ilog2()));
     }
 }
 
