@@ -127,35 +127,18 @@ impl EnergyBinning {
     }
 
     /// Cells of cell rows with moments, as light: one list per group, then one per node.
-    /// `known`: findings about the cell rows before.
+    /// `tracer`: repeats exact transport at each node; `None` for cells without a sample. `known`: findings about the
+    /// cell rows before.
     ///
     /// # Errors
-    /// As [`Tracer::trace`], by which exact transport is repeated at each node.
+    /// As [`Tracer::trace`].
     pub(crate) fn lists(
         &self,
-        tracer: &mut Tracer,
+        tracer: Option<&Tracer>,
         known: &mut MaskTransmissionCache,
         cell_rows: &CellBatch,
     ) -> Result<Vec<CellBatch>> {
-        let repeated = self.repeat(tracer, cell_rows)?;
-        Ok(self.gather(&repeated, known, cell_rows))
-    }
-
-    /// As [`EnergyBinning::lists`], of cells without a sample.
-    pub(crate) fn blank_lists(
-        &self,
-        known: &mut MaskTransmissionCache,
-        cell_rows: &CellBatch,
-    ) -> Vec<CellBatch> {
-        self.gather(&Repeated::default(), known, cell_rows)
-    }
-
-    fn gather(
-        &self,
-        repeated: &Repeated,
-        known: &mut MaskTransmissionCache,
-        cell_rows: &CellBatch,
-    ) -> Vec<CellBatch> {
+        let repeated = tracer.map(|it| self.repeat(it, cell_rows)).transpose()?.unwrap_or_default();
         known.look_at(self, cell_rows);
         let gathered: Vec<Vec<CellBatch>> = cell_rows
             .cell_rows
@@ -166,7 +149,7 @@ impl EnergyBinning {
                     self.bin_energies(
                         cell_rows,
                         cell_row,
-                        repeated,
+                        &repeated,
                         known.at(self, cell_row),
                         scratch,
                     );
@@ -186,7 +169,7 @@ impl EnergyBinning {
             list.balance();
             list
         };
-        parts.into_par_iter().map(list).collect()
+        Ok(parts.into_par_iter().map(list).collect())
     }
 
     /// Cells of a cell row for every list, in the scratch.

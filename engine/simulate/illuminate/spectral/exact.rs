@@ -60,7 +60,7 @@ impl Repeated {
 
 impl EnergyBinning {
     /// Repeats exact transport at the nodes where it does not follow from that at the mean constants.
-    pub(super) fn repeat(&self, tracer: &mut Tracer, cell_rows: &CellBatch) -> Result<Repeated> {
+    pub(super) fn repeat(&self, tracer: &Tracer, cell_rows: &CellBatch) -> Result<Repeated> {
         let exact = &cell_rows.moments.exact;
         let asks = |(index, cell): (usize, &ExactCell)| {
             let it = &cell_rows.cells[cell.cell as usize];

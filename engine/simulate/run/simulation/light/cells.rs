@@ -114,11 +114,11 @@ impl<'s> CellLight<'s> {
         self.steps = steps;
     }
 
-    /// Adds the light of cells.
+    /// Adds the light of cells; `tracer`: `None` for cells without a sample.
     ///
     /// # Errors
     /// Of the device or memory; [`beamlet_core::Error::Interrupted`].
-    pub(super) fn add(&mut self, tracer: &mut Tracer, cells: &CellBatch) -> Result<()> {
+    pub(super) fn add(&mut self, tracer: Option<&Tracer>, cells: &CellBatch) -> Result<()> {
         let Some(energies) = self.energies else {
             return self.add_lists(std::slice::from_ref(cells));
         };
@@ -137,17 +137,10 @@ impl<'s> CellLight<'s> {
     /// As [`CellLight::add`].
     pub(super) fn add_blank(&mut self, rows: Range<i64>) -> Result<()> {
         let mut cells = sampling::empty_cell_rows(self.lattice, rows);
-        let Some(energies) = self.energies else {
-            return self.add_lists(&[cells]);
-        };
-        cells.keep_nothing(self.moment_words);
-        for part in cells.parts(GATHERED) {
-            let begin = Instant::now();
-            let lists = energies.blank_lists(&mut self.bars, &part);
-            self.gathering += begin.elapsed().as_secs_f64();
-            self.add_lists(&lists)?;
+        if self.energies.is_some() {
+            cells.keep_nothing(self.moment_words);
         }
-        Ok(())
+        self.add(None, &cells)
     }
 
     /// Adds the light of lists of cells, one for each record of light.

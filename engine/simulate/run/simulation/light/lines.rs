@@ -74,7 +74,7 @@ impl Light for Lines<'_> {
             let mut add = |tracer: &mut Tracer, batch: &CellBatch| {
                 tally.landed_off += batch.landed_off;
                 tally = tally + batch.tally;
-                cells.add(tracer, batch)
+                cells.add(Some(tracer), batch)
             };
             let mut advance = |tracer: &Tracer, part| report(tracer.rays_traced(), part);
             let lit = (&lit, &self.room);

@@ -182,7 +182,7 @@ impl Lines<'_> {
         view.budget.audit = 0.0;
         let mut add = |tracer: &mut Tracer, batch: &CellBatch| {
             let before = cells.illumination;
-            cells.add(tracer, batch)?;
+            cells.add(Some(tracer), batch)?;
             Ok(choice.steps_left_out * (cells.illumination - before))
         };
         let Choice { most, start, .. } = choice;
