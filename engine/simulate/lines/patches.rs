@@ -307,7 +307,8 @@ impl<'a> LineSampler<'a> {
                     |it: &Piece| view.lattice.ray(place.beamlet, it.middle(), place.row, view.pose);
                 wanted.map(ray).collect::<Vec<Ray>>()
             };
-            let rays = places.par_iter().zip(&lines).map(wanted).collect::<Vec<_>>().concat();
+            let wanted: Vec<Vec<Ray>> = places.par_iter().zip(&lines).map(wanted).collect();
+            let rays = wanted.concat();
             if rays.is_empty() {
                 break;
             }
@@ -320,8 +321,10 @@ impl<'a> LineSampler<'a> {
                     piece.take(ray);
                 }
             }
-            let all = lines.par_iter_mut().zip(places);
-            all.for_each(|(pieces, place)| self.split(column(place), pieces));
+            // A line without new rays stays as it is.
+            let all = lines.par_iter_mut().zip(places).zip(wanted);
+            let traced = all.filter(|(_, rays)| !rays.is_empty());
+            traced.for_each(|((pieces, place), _)| self.split(column(place), pieces));
         }
         let light = lines.into_par_iter().zip(places).map(|(pieces, place)| {
             cancel.check()?;
