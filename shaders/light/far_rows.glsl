@@ -1,5 +1,5 @@
-// Light of a cell row may land in any row: each of its terms goes to the sums at once. Cells of it
-// that land no farther than in the rows beside know their shares of these, as elsewhere.
+// Light of a cell row may land in any row: each of its terms goes to the sums at once. Past walls along z, cells that
+// land no farther than in the rows beside know their shares of these, as elsewhere.
 
 // Rows below `at` that receive light spread evenly over rows from 0 on, with a blur.
 float rows_before(float at, float blur) {

@@ -71,7 +71,7 @@ impl Fitter {
     ) -> Result<Self> {
         let device = compute.device().clone();
         let kernel = Arc::new(device.kernel("fit", push_bytes::<FitPush>())?);
-        Self::with_kernel((device, kernel), offsets, noise, background)
+        Self::with_kernel(device, kernel, offsets, noise, background)
     }
 
     /// The same fits of curves taken at other offsets, whose values have other noise.
@@ -79,12 +79,13 @@ impl Fitter {
     /// # Errors
     /// As [`Self::new`].
     pub(super) fn at(&self, offsets: &[f64], noise: ValueNoise) -> Result<Self> {
-        let on_device = (self.device.clone(), self.kernel.clone());
-        Self::with_kernel(on_device, offsets, noise, self.background)
+        let (device, kernel) = (self.device.clone(), self.kernel.clone());
+        Self::with_kernel(device, kernel, offsets, noise, self.background)
     }
 
     fn with_kernel(
-        (device, kernel): (Arc<Device>, Arc<Kernel>),
+        device: Arc<Device>,
+        kernel: Arc<Kernel>,
         offsets: &[f64],
         noise: ValueNoise,
         background: BackgroundTerm,

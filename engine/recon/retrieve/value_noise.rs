@@ -94,6 +94,12 @@ impl ValueNoise {
         }
     }
 
+    /// As [`Self::of`]; the noise of values that are no counts is relative to that of single frames.
+    pub(super) fn relative(options: &RetrieveOptions, factors: NoiseFactors) -> Self {
+        let gain = factors.gain * options.gain.unwrap_or(1.0);
+        Self { gain: Some(gain), ..Self::of(options, factors) }
+    }
+
     /// Variance of a value; `NaN` where values are no counts.
     pub(super) fn variance(&self, value: f64) -> f64 {
         let read_noise = self.read_noise;

@@ -24,6 +24,9 @@ const LEAST: f64 = 1.0 / 65536.0;
 const REACH: f64 = 1.5;
 /// Error of a piece near grazing incidence, whose rays differ, that stays whole: share of the limit.
 const BY_RAYS: f64 = 0.15;
+/// Most pieces of a line by splits: 0.4 MB. Rays that all differ would divide it to the narrowest pieces, 50 times as
+/// many, before the memory of lines is counted.
+const MOST_PIECES: usize = 4096;
 
 /// Patches with their lines or rays, and their counts.
 #[derive(Debug)]
@@ -344,7 +347,7 @@ impl<'a> LineSampler<'a> {
                 && self.illumination.error_of(column, openings, pieces, *at) > limit
         };
         let split: Vec<usize> = (0..pieces.len()).filter(is_split).collect();
-        if split.is_empty() || pieces.len() > self.view.budget.max_rays as usize {
+        if split.is_empty() || pieces.len() + 2 * split.len() > MOST_PIECES {
             return;
         }
         for at in split.into_iter().rev() {

@@ -26,7 +26,7 @@ impl WindowLight {
 
     /// Bytes of the values.
     pub(super) const fn bytes(&self) -> usize {
-        self.values.len() * size_of::<f32>()
+        self.values.capacity() * size_of::<f32>()
     }
 
     /// Values of a window, by kind and mask step.

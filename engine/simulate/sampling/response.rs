@@ -74,9 +74,6 @@ impl Response {
         let Optics { rotation, analyser, detector, .. } = optics;
         let offsets = &optics.offsets.lists()[list];
         let beamlets = lattice.beamlet_geometry(optics);
-        // Bars that let less light through than lines may err by are opaque.
-        let least = safety(offsets.len()) * optics.sampling.tolerances().light;
-        let [leak, window_leak] = leaks.map(|leak| if leak < least { 0.0 } else { single(leak) });
         // Of the whole spot: recorded values are sums over its parts.
         let spot = |part: &beamlet_model::spot::PlacedPart| {
             part.share * (part.offset[0].powi(2) + part.deviation[0].powi(2))
@@ -93,12 +90,16 @@ impl Response {
             Some(passed) => (openings_of_steps(&passed, offsets, soft), passed.period[0]),
             None => (Vec::new(), beams.period[0]),
         };
+        let steps = openings.last().map_or(1, |last| last.step as usize + 1);
+        // Bars that let less light through than lines may err by are opaque.
+        let least = safety(steps) * optics.sampling.tolerances().light;
+        let [leak, window_leak] = leaks.map(|leak| if leak < least { 0.0 } else { single(leak) });
         Self {
             windows: windows_of(optics, &beamlets, window_leak, blur),
             blur: single(blur),
             magnification: single(analyser / lattice.plane),
             landing: beamlets.iter().map(|c| landing(optics, c)).collect(),
-            steps: openings.last().map_or(1, |last| last.step as usize + 1),
+            steps,
             openings,
             mask_offset: beamlets.iter().map(|c| c.sample_offset).collect(),
             // The shadow of bars that leak is no darker than they are.

@@ -250,7 +250,7 @@ impl Diagnosis {
     fn fits(&mut self, of: &ExaminedView<'_>, flat: &Fits, view: usize, of_view: &[[f64; 2]]) {
         let ExaminedView { retriever, images, corrected, .. } = *of;
         let [of_flat, of_sample] = [retriever.flat_noise(), corrected.noise]
-            .map(|factors| ValueNoise::of(&self.options, factors));
+            .map(|factors| ValueNoise::relative(&self.options, factors));
         let Some(model) = &self.model else { return };
         let unknowns = model.equations().count();
         if self.offsets.len() <= unknowns {

@@ -65,9 +65,11 @@ impl MomentsCheck {
     ) -> Result<MomentsErrors> {
         let truth = CurveModel { background: BackgroundTerm::Value(0.0), ..truth };
         let mut most = MomentsErrors::default();
+        // A curve without an answer, which the offsets do not reach, is lost.
         let keep = |most: &mut f64, response: f64| {
-            if (response - 1.0).abs() > most.abs() {
-                *most = response - 1.0;
+            let error = if response.is_nan() { -1.0 } else { response - 1.0 };
+            if error.abs() > most.abs() {
+                *most = error;
             }
         };
         for (centre, shift) in self.centres.iter().flat_map(|at| [(at, -SHIFT), (at, SHIFT)]) {
