@@ -177,7 +177,8 @@ impl<'a> Illumination<'a> {
         let half = single(0.5 * self.view.lattice.period);
         // What bars let through is the same at all steps.
         let bars = Opening { step: 0, x: [-half, half] };
-        let [mut light, mut leaked] = [none(), none()];
+        let mut light = none();
+        let mut leaked = (response.leak > 0.0).then(none);
         for piece in pieces {
             let counted = share(piece);
             if counted == 0.0 {
@@ -186,11 +187,11 @@ impl<'a> Illumination<'a> {
             for opening in openings {
                 self.add(column, piece, counted, opening, &mut light);
             }
-            if response.leak > 0.0 {
-                self.add(column, piece, counted, &bars, &mut leaked);
+            if let Some(leaked) = &mut leaked {
+                self.add(column, piece, counted, &bars, leaked);
             }
         }
-        if response.leak > 0.0 {
+        if let Some(leaked) = leaked {
             let [open, leak] = [1.0 - response.leak, response.leak];
             light.light.scale(open);
             for (number, of_kinds) in leaked.light.windows() {

@@ -127,9 +127,10 @@ impl Windows {
         let passed = |it: Landed, number: i64| {
             it.light * self.passed(it.at - number as f32 * self.period, half, 0.0)
         };
-        let numbers = [a, b].map(|it| self.numbers(column, it.at, half));
+        let [of_a, of_b] = [a, b].map(|it| self.numbers(column, it.at, half));
+        let others = of_b.filter(|number| !of_a.contains(number));
         let change = |number: i64| (passed(a, number) - passed(b, number)).abs();
-        numbers.into_iter().flatten().map(change).fold(0.0, f32::max)
+        of_a.clone().chain(others).map(change).fold(0.0, f32::max)
     }
 }
 

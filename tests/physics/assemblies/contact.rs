@@ -147,7 +147,7 @@ fn hundred_plates_face_to_face_are_the_one_block() {
             worst.take(f64::from(one - two), || format!("2 plates, turn {turn}, {place:?}"));
         }
         worst.holds();
-        // The tally alone counts here, of as many interfaces of two materials.
+        // The tally alone counts here.
         let mixed = plates(if everything { 100 } else { 20 }, turn, |k| {
             if k % 2 == 0 { CARBON } else { WATER }
         });

@@ -82,7 +82,7 @@ struct FittedPixel {
     misfit: f64,
 }
 
-/// Findings of the views so far, with what their sizes are told in.
+/// Findings of the views so far, with the units of their sizes.
 #[derive(Debug)]
 pub(super) struct Findings {
     pub(super) views: usize,

@@ -18,7 +18,7 @@ pub(super) struct Change {
     pub(super) depth: f64,
     /// Displacement on the analyser along x and z, m.
     pub(super) displacement: DVec2,
-    /// Of the slope along x and z.
+    /// Change of the slope along x and z.
     pub(super) slope: DVec2,
     /// Variance of the displacement along x by rough surfaces, m2.
     pub(super) roughness: f64,
