@@ -231,7 +231,6 @@ fn plain(x: [f64; 2], result: RayResult) -> Piece {
         source: Source::FirstOrder,
         extent: 0.0,
         interval: 0,
-        is_curved: false,
         draws: false,
     }
 }

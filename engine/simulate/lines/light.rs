@@ -1,7 +1,7 @@
 //! Light of lines: what windows record of the pieces of a line, for each mask step.
 
 use super::heights::{Draws, Judged};
-use super::line::{PER_JUMP, Piece, Source, open_share};
+use super::line::{Beside, PER_BEND, PER_JUMP, Piece, Source, open_share};
 use super::window_light::{Values, WindowLight};
 use crate::sampling::{Landed, NO_LIGHT, Opening, ViewContext};
 use crate::trace::component_hash;
@@ -289,9 +289,9 @@ impl<'a> Illumination<'a> {
         to.moved[step] += moved * self.down(piece);
     }
 
-    /// Error of the light of a piece that has the exact ray through its middle alone: as if light changed half way to
-    /// the rays beside through the same facets, and under exact transport at the edges of facets as far as refraction
-    /// moves them.
+    /// Error of the light of a piece that has the exact ray through its middle alone: by the bend of the displacement
+    /// against the rays beside through the same surfaces, and under exact transport at the edges of facets as far as
+    /// refraction moves them.
     pub(crate) fn error_of(
         &self,
         column: usize,
@@ -325,23 +325,29 @@ impl<'a> Illumination<'a> {
         // Edges behind the first surface lie aside by as much as refraction moves the path.
         let aside = |it: &Piece| f64::from((it.result.slope_x * it.extent).abs()).min(own.width());
         let is_ray = |it: &Piece| matches!(it.source, Source::Ray { .. });
-        let (mut same, mut other) = (None, 0.0_f64);
-        for it in beside {
-            if it.interval == own.interval {
-                let mut moved = change(depth, it.result.displacement_x);
-                if own.is_curved {
-                    // Between two rays light may land where neither does.
-                    let apart = it.result.displacement_x - own.result.displacement_x;
-                    let most = (f64::from(apart.abs()) * response.steepest()).min(1.0);
-                    moved = moved.max(f64::from(of_own.light) * most);
-                }
-                same = Some(same.unwrap_or(0.0_f64).max(own.width() * moved));
-            } else if self.view.facets.is_exact && is_ray(it) {
-                let light = change(it.result.optical_depth, it.result.displacement_x);
-                other = other.max(aside(own).max(aside(it)) * light);
+        let other = |it: &Piece| {
+            let light = change(it.result.optical_depth, it.result.displacement_x);
+            PER_JUMP * aside(own).max(aside(it)) * light
+        };
+        let others = beside.filter(|it| self.view.facets.is_exact && is_ray(it));
+        let others = others.filter(|it| it.interval != own.interval).map(other);
+        let same = match Beside::of(pieces, at).predict(own) {
+            Some(predicted) => {
+                let bend = f64::from((predicted - own.result.displacement_x).abs());
+                PER_BEND * own.width() * f64::from(of_own.light) * self.most_moved(bend)
             }
-        }
-        let most = same.unwrap_or_else(|| aside(own) * change(depth, displacement)).max(other);
-        PER_JUMP * most * f64::from(response.weight * open)
+            None => PER_JUMP * aside(own) * change(depth, displacement),
+        };
+        let most = others.fold(same, f64::max);
+        most * f64::from(response.weight * open)
+    }
+
+    /// Most of the light that windows may lose or gain by an error of the displacement at the mean constants, m, share of
+    /// it: at other energies it grows with the square of the refraction, as the second order does.
+    fn most_moved(&self, displacement: f64) -> f64 {
+        let response = self.view.response;
+        let [shares, ratios] = response.hardening.refraction().map(|it| it.map(f64::from));
+        let moved = |ratio: f64| (displacement * ratio * ratio * response.steepest()).min(1.0);
+        shares.into_iter().zip(ratios).map(|(share, ratio)| share * moved(ratio)).sum()
     }
 }

@@ -8,6 +8,9 @@ use std::cmp::Ordering;
 /// Error of a jump of light at a random place of an interval over light and width, 1/√12: the standard deviation of the
 /// place (`errors_of_random_light_are_within_the_estimate`, `measured_errors_are_true_ones`).
 pub(super) const PER_JUMP: f64 = 0.29;
+/// Error of light that is linear between three rays, over what the middle one is off the line through the others: it is
+/// off by a quarter between two, on average by two thirds of that.
+pub(super) const PER_BEND: f64 = 1.0 / 6.0;
 /// Least width of a part of a line with a ray of its own, m: coordinates of rays in f32 are as coarse across a detector.
 pub(super) const NARROWEST: f64 = 2e-9;
 
@@ -55,8 +58,6 @@ pub(crate) struct Piece {
     pub extent: f32,
     /// Number of the interval of the line between ends of facets that it is part of.
     pub interval: u32,
-    /// True if its rays cross curved surfaces.
-    pub is_curved: bool,
     /// True if its rays draw normals of rough surfaces: they are independent samples.
     pub draws: bool,
 }
@@ -91,6 +92,11 @@ impl Piece {
         self.result = RayResult { signature, crossings, ..*ray };
     }
 
+    /// Displacement of its ray along x at its middle, and the middle, m.
+    fn place(&self) -> RayPlace {
+        RayPlace { x: self.middle(), displacement: self.result.displacement_x.into() }
+    }
+
     /// Equal parts of it: one in the middle keeps its ray, the others want theirs.
     pub(crate) fn parts(self, count: u32) -> impl Iterator<Item = Self> {
         let between = |[low, high]: [f32; 2], share: f32| low + (high - low) * share;
@@ -120,8 +126,142 @@ impl Piece {
     }
 }
 
+/// Displacement of a ray.
+#[derive(Debug, Clone, Copy)]
+struct RayPlace {
+    /// m from the centre of the beamlet.
+    x: f64,
+    /// Along x on the analyser, m.
+    displacement: f64,
+}
+
+impl RayPlace {
+    /// Change of the displacement per x to another ray.
+    fn slope(&self, to: &Self) -> f64 {
+        (to.displacement - self.displacement) / (to.x - self.x)
+    }
+
+    /// Displacement at x of the straight line through another ray.
+    fn along(&self, to: &Self, x: f64) -> f64 {
+        self.displacement + self.slope(to) * (x - self.x)
+    }
+}
+
+/// Rays beside a piece of the same interval of a line.
+#[derive(Debug)]
+pub(super) struct Beside {
+    before: Option<RayPlace>,
+    after: Option<RayPlace>,
+    /// The ray after the next one, to the side that has rays, where only one side does.
+    second: Option<RayPlace>,
+}
+
+impl Beside {
+    /// Those beside the piece at an index.
+    pub(super) fn of(pieces: &[Piece], at: usize) -> Self {
+        let own = &pieces[at];
+        let place = |at: Option<usize>| {
+            let it = pieces.get(at?)?;
+            (it.interval == own.interval && !it.draws).then(|| it.place())
+        };
+        let (before, after) = (place(at.checked_sub(1)), place(Some(at + 1)));
+        let second = match (before, after) {
+            (Some(_), None) => place(at.checked_sub(2)),
+            (None, Some(_)) => place(Some(at + 2)),
+            _ => None,
+        };
+        Self { before, after, second }
+    }
+
+    /// Change of the displacement per x at the piece: the harmonic mean of those to either side, which no jump makes
+    /// steeper than twice the lesser; 0 at an extremum.
+    fn slope(&self, own: &Piece) -> f64 {
+        let own = own.place();
+        let [low, high] = [self.before, self.after].map(|it| it.map(|it| own.slope(&it)));
+        match (low, high) {
+            (Some(low), Some(high)) if low * high > 0.0 => 2.0 * low * high / (low + high),
+            (Some(_), Some(_)) | (None, None) => 0.0,
+            (Some(slope), None) | (None, Some(slope)) => slope,
+        }
+    }
+
+    /// Displacement of the ray of a piece by the rays beside it: on the straight line through two of them, or that of the
+    /// only one.
+    pub(super) fn predict(&self, own: &Piece) -> Option<f32> {
+        let x = own.middle();
+        let of_one =
+            |it: RayPlace| self.second.map_or(it.displacement, |other| it.along(&other, x));
+        Some(single(match (self.before, self.after) {
+            (Some(low), Some(high)) => low.along(&high, x),
+            (Some(it), None) | (None, Some(it)) => of_one(it),
+            (None, None) => return None,
+        }))
+    }
+}
+
+/// Gives pieces with rays the changes of the displacement that the rays beside them show.
+pub(super) fn incline(pieces: &mut [Piece]) {
+    let slopes: Vec<f64> =
+        (0..pieces.len()).map(|at| Beside::of(pieces, at).slope(&pieces[at])).collect();
+    for (piece, slope) in pieces.iter_mut().zip(slopes) {
+        if matches!(piece.source, Source::Ray { .. }) && !piece.draws {
+            let half = single(0.5 * slope * piece.width());
+            let middle = piece.result.displacement_x;
+            piece.displacement = [middle - half, middle + half];
+        }
+    }
+}
+
 /// Largest share of an interval of x (m from the centre of the beamlet) that a mask step opens.
 pub(crate) fn open_share(openings: &[Opening], x: [f64; 2]) -> f64 {
     let open = |it: &Opening| x[1].min(it.x[1].into()) - x[0].max(it.x[0].into());
     (openings.iter().map(open).fold(0.0, f64::max) / (x[1] - x[0])).min(1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Pieces of 1 um of one interval with rays displaced by this function of x in um.
+    fn pieces(displacement: impl Fn(f64) -> f64) -> Vec<Piece> {
+        let of = |at: u32| Piece {
+            x: [at, at + 1].map(|x| 1e-6 * f64::from(x)),
+            depth: [0.0; 2],
+            displacement: [0.0; 2],
+            scattering: [0.0; 2],
+            result: RayResult {
+                displacement_x: single(displacement(f64::from(at) + 0.5)),
+                ..bytemuck::Zeroable::zeroed()
+            },
+            source: Source::Ray { displacement: 0.0 },
+            extent: 0.0,
+            interval: 0,
+            draws: false,
+        };
+        (0..5).map(of).collect()
+    }
+
+    #[test]
+    fn pieces_follow_the_rays_beside_them_but_no_jump() {
+        let mut straight = pieces(|x| 3.0 * x);
+        incline(&mut straight);
+        let mut jump = pieces(|x| if x < 2.0 { 0.0 } else { 100.0 + x });
+        incline(&mut jump);
+        for at in 0..5 {
+            let rise = straight[at].displacement.map(f64::from);
+            assert!((rise[1] - rise[0] - 3.0).abs() < 1e-5, "{rise:?}");
+            let predicted = Beside::of(&straight, at).predict(&straight[at]);
+            let off = predicted.map(|it| it - straight[at].result.displacement_x);
+            assert!(off.is_some_and(|it| it.abs() < 1e-5), "{off:?}");
+            let rise = jump[at].displacement.map(f64::from);
+            assert!((0.0..2.1).contains(&(rise[1] - rise[0])), "{rise:?}");
+        }
+        // The middle of three rays of a parabola lies below the line through the others.
+        let bent = pieces(|x| x * x);
+        let predicted = Beside::of(&bent, 2).predict(&bent[2]);
+        assert!(predicted.is_some_and(|it| (it - 7.25).abs() < 1e-5), "{predicted:?}");
+        // At an end the line through the next two.
+        let predicted = Beside::of(&bent, 4).predict(&bent[4]);
+        assert!(predicted.is_some_and(|it| (it - 18.25).abs() < 1e-5), "{predicted:?}");
+    }
 }

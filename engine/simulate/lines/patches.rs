@@ -4,7 +4,7 @@ use super::audit::Auditor;
 use super::even::{EvenPatch, EvenSampler, Next};
 use super::heights::{Heights, Limits, Uneven};
 use super::light::{Illumination, LitLine};
-use super::line::{LinePlace, NARROWEST, Piece, Source};
+use super::line::{LinePlace, NARROWEST, Piece, Source, incline};
 use super::patch_places::PatchPlaces;
 use super::sections::SurfaceLines;
 use crate::sampling::{Opening, ViewContext, safety, tally_of};
@@ -327,7 +327,10 @@ impl<'a> LineSampler<'a> {
             // A line without new rays stays as it is.
             let all = lines.par_iter_mut().zip(places).zip(wanted);
             let traced = all.filter(|(_, rays)| !rays.is_empty());
-            traced.for_each(|((pieces, place), _)| self.split(column(place), pieces));
+            traced.for_each(|((pieces, place), _)| {
+                incline(pieces);
+                self.split(column(place), pieces);
+            });
         }
         let light = lines.into_par_iter().zip(places).map(|(pieces, place)| {
             cancel.check()?;

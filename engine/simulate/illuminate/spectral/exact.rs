@@ -52,7 +52,7 @@ impl Repeated {
         };
         for (node, results) in self.nodes.iter().zip(results) {
             if let Some(result) = node.at(cell) {
-                *results = [binning.exact_result(result); 2];
+                *results = binning.exact_result(result).between(results);
             }
         }
     }

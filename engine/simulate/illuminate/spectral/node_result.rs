@@ -13,6 +13,17 @@ pub(super) struct NodeResult {
 }
 
 impl NodeResult {
+    /// Results at both ends of a cell with this one in its middle and the change over it of others.
+    pub(super) fn between(self, ends: &[Self; 2]) -> [Self; 2] {
+        let [low, high] = ends;
+        let [depth, x] = [high.depth - low.depth, high.x - low.x].map(|change| 0.5 * change);
+        [-1.0, 1.0].map(|side| Self {
+            depth: (self.depth + side * depth).max(0.0),
+            x: self.x + side * x,
+            ..self
+        })
+    }
+
     /// Share of the light that passes.
     pub(super) fn light(&self) -> f64 {
         f64::from(single(-self.depth).exp())

@@ -2,7 +2,7 @@
 
 use super::super::even::seen;
 use super::super::heights::Interval;
-use super::super::line::{LinePlace, NARROWEST, PER_JUMP, Piece, open_share};
+use super::super::line::{LinePlace, NARROWEST, PER_BEND, PER_JUMP, Piece, open_share};
 use super::super::patches::LinePatch;
 use super::{Auditor, Drawn, LandedLight, Part, SETS, Sampled, plain};
 use crate::sampling::Landed;
@@ -28,9 +28,6 @@ const PARTS_OF_CUT: u32 = 4;
 const RESOLVED: f64 = 0.02;
 /// Error of an interval that needs no ray at a random place, share of the budget.
 const NEGLIGIBLE: f64 = 0.002;
-/// Error of light that is linear between three rays, over what the middle one is off the line through the others: it is
-/// off by a quarter between two, on average by two thirds of that.
-const PER_BEND: f64 = 1.0 / 6.0;
 /// Most rays of a line.
 const MOST_RAYS: usize = 2000;
 

@@ -129,7 +129,6 @@ impl SurfaceLines<'_> {
             source: Source::FirstOrder,
             extent,
             interval: interval.number,
-            is_curved: middle.is_some(),
             draws: middle.is_none_or(|it| it.draws) && ends.iter().any(|it| it.draws),
         };
         let is_exact = self.view.facets.is_exact && !interval.crossed.is_empty();
