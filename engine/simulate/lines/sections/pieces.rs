@@ -16,6 +16,36 @@ const WIDENED: f64 = 0.1;
 /// Error by light of a piece near grazing that needs no exact ray, share of the budget.
 const NEGLIGIBLE: f64 = 0.03;
 
+/// The ray between two ends of a piece of curved surfaces.
+pub(super) struct Middle {
+    sums: Sums,
+    /// Change of x over that of the share of the interval at the low end, at the ray and at the high end, up to a factor.
+    densities: [f64; 3],
+}
+
+impl Middle {
+    /// Ends of the change that is linear over the piece and has the mean of the exact one, by Simpson's rule over the share
+    /// of the interval. At a rim displacements are infinite and depths steep: there the end follows from the other one.
+    fn straighten(&self, ends: [Change; 2]) -> [Change; 2] {
+        let [low, own, high] = self.densities;
+        let all = low + 4.0 * own + high;
+        let none = Change::default();
+        let mean = none
+            .plus(&ends[0], low / all)
+            .plus(&self.sums.change, 4.0 * own / all)
+            .plus(&ends[1], high / all);
+        let opposite = |end: &Change| mean.plus(&mean, 1.0).plus(end, -1.0);
+        if low <= 0.0 {
+            return [opposite(&ends[1]), ends[1]];
+        }
+        if high <= 0.0 {
+            return [ends[0], opposite(&ends[0])];
+        }
+        let off = mean.plus(&ends[0].towards(&ends[1], 0.5), -1.0);
+        ends.map(|end| end.plus(&off, 1.0))
+    }
+}
+
 impl SurfaceLines<'_> {
     /// Pieces of an interval of curved surfaces, halved until they are straight.
     pub(super) fn curved_pieces(&self, interval: &Interval<'_>, pieces: &mut Vec<Piece>) {
@@ -32,6 +62,8 @@ impl SurfaceLines<'_> {
                 waiting.push(([half, shares[1]], [middle, ends[1]]));
                 waiting.push(([shares[0], half], [ends[0], middle]));
             } else {
+                let densities = [shares[0], half, shares[1]].map(|it| Interval::density(it, rims));
+                let middle = Middle { sums: middle, densities };
                 let piece = self.piece(interval, x, &ends, Some(&middle));
                 pieces.extend(piece.parts(self.draws_of(&piece, interval.openings)));
             }
@@ -86,20 +118,20 @@ impl SurfaceLines<'_> {
         interval: &Interval<'_>,
         x: [f64; 2],
         ends: &[Sums; 2],
-        middle: Option<&Sums>,
+        middle: Option<&Middle>,
     ) -> Piece {
         let mut changes = ends.map(|it| it.change);
-        let remainder = middle.unwrap_or(&ends[0]).remainder;
+        let remainder = middle.map_or(&ends[0], |it| &it.sums).remainder;
         if ends.iter().any(|it| it.remainder > 0.0) {
             self.bound(&mut changes);
         }
         if let Some(middle) = middle {
-            // The mean by Simpson's rule; a ray has the displacement in the middle.
-            let off = middle.change.plus(&changes[0].towards(&changes[1], 0.5), -1.0);
-            changes = changes.map(|end| {
-                let mean = end.plus(&off, 2.0 / 3.0);
-                if remainder > 0.0 { Change { depth: mean.depth, ..middle.change } } else { mean }
-            });
+            changes = middle.straighten(changes);
+            if remainder > 0.0 {
+                // A ray has the displacement in the middle.
+                let own = middle.sums.change;
+                changes = changes.map(|end| Change { depth: end.depth, ..own });
+            }
         }
         // Rounded.
         let depth = changes.map(|end| single(end.depth.max(0.0)));
@@ -129,7 +161,7 @@ impl SurfaceLines<'_> {
             source: Source::FirstOrder,
             extent,
             interval: interval.number,
-            draws: middle.is_none_or(|it| it.draws) && ends.iter().any(|it| it.draws),
+            draws: middle.is_none_or(|it| it.sums.draws) && ends.iter().any(|it| it.draws),
         };
         let is_exact = self.view.facets.is_exact && !interval.crossed.is_empty();
         let remainder = if is_exact { f64::INFINITY } else { remainder };
@@ -181,5 +213,40 @@ impl SurfaceLines<'_> {
     fn matters(&self, light: f64, remainder: f64) -> bool {
         let moved = (remainder * self.view.response.steepest()).min(1.0);
         light * moved > NEGLIGIBLE * self.view.budget.light
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Behind a rim at x = 0 depths grow with the root of x and displacements fall with it: over a piece the means are
+    /// those of the integrals, next to the rim and farther from it.
+    #[test]
+    fn means_of_pieces_at_a_rim_are_those_of_integrals() {
+        for rims in [[true, false], [false, true]] {
+            for [near, far] in [[0.0, 0.125], [0.125, 0.25], [0.75, 1.0]] {
+                let shares = if rims[0] { [near, far] } else { [1.0 - far, 1.0 - near] };
+                let half = f64::midpoint(shares[0], shares[1]);
+                let from_rim = |share: f64| if rims[0] { share } else { 1.0 - share };
+                let change = |share: f64| {
+                    let root = from_rim(share).max(1e-5);
+                    let displacement = glam::DVec2::new(1.0 / root, -0.5 / root);
+                    Change { depth: root, displacement, ..Change::default() }
+                };
+                let middle = Middle {
+                    sums: Sums { change: change(half), ..Sums::default() },
+                    densities: [shares[0], half, shares[1]].map(|it| Interval::density(it, rims)),
+                };
+                let [low, high] = middle.straighten(shares.map(change));
+                let mean = low.towards(&high, 0.5);
+                let area = far * far - near * near;
+                let want = 2.0 * (far - near) / area;
+                assert!((mean.displacement.x / want - 1.0).abs() < 1e-9, "{rims:?} {near}");
+                assert!((mean.displacement.y / want + 0.5).abs() < 1e-9, "{rims:?} {near}");
+                let want = 2.0 / 3.0 * (far.powi(3) - near.powi(3)) / area;
+                assert!((mean.depth / want - 1.0).abs() < 1e-9, "{rims:?} {near}");
+            }
+        }
     }
 }
