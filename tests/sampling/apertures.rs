@@ -53,7 +53,7 @@ const SQUARES: &str = "shape = \"rectangle\"\naperture = \"25 um\"\naperture_z =
 const HOLES: &str =
     "shape = \"round\"\naperture = \"40 um\"\nperiod = \"120 um\"\ntransmission = 0.0\n";
 
-fn scenes() -> Vec<(&'static str, Scene)> {
+pub(super) fn scenes() -> Vec<(&'static str, Scene)> {
     let moved = [SQUARES, "offset_z = \"17 um\"\n"].concat();
     let hexagonal =
         "shape = \"round\"\naperture = \"22 um\"\nlattice = \"hexagonal\"\nperiod_z = \"30 um\"\n";

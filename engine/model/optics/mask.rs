@@ -1,7 +1,7 @@
 //! Openings and bars of a mask: the only place that computes where they are.
 
 use super::DetectorPlane;
-use crate::scene::{MaskBody, MaskSpec, Substrate};
+use crate::scene::{MaskBody, MaskSpec, Strip, Substrate};
 
 /// Ends of an opening along an axis on which it has no edge.
 const ENDLESS: [f64; 2] = [f64::NEG_INFINITY, f64::INFINITY];
@@ -41,6 +41,13 @@ impl Openings {
     /// Ends along x of the openings of a period, from its centre, ascending.
     pub fn ends(&self) -> impl DoubleEndedIterator<Item = [f64; 2]> + Clone + '_ {
         self.of_period.iter().map(|opening| opening.ends[0])
+    }
+
+    /// Openings of a strip, seen in the same plane, in each of these periods.
+    #[must_use]
+    pub fn of_strip(&self, strip: &Strip) -> Self {
+        let of_period = strip.x.iter().map(|x| Opening { ends: [*x, ENDLESS] }).collect();
+        Self { of_period, narrowest: None, ..self.clone() }
     }
 
     /// The same while the mask is displaced by `shift`, wider by `margin` on either side.

@@ -14,12 +14,12 @@
 mod fresh_cells;
 mod fresh_line;
 
-use super::even::{EvenPatch, EvenSampler};
+use super::even::EvenPatch;
 use super::light::Illumination;
 use super::line::{Piece, Source};
 use super::patches::LinePatch;
 use super::window_light::WindowLight;
-use crate::sampling::{Opening, ViewContext};
+use crate::sampling::{NO_LIGHT, Opening, Response, StripResponses, ViewContext};
 use crate::trace::Tracer;
 use beamlet_core::numbers::single;
 use beamlet_core::random::Draws;
@@ -29,6 +29,7 @@ use beamlet_interface::RayResult;
 use fresh_cells::FreshCells;
 use fresh_line::FreshLine;
 use rayon::prelude::*;
+use std::ops::{Range, RangeInclusive};
 
 /// Independent sets of rays of a patch.
 const SETS: usize = 2;
@@ -36,8 +37,6 @@ const SETS: usize = 2;
 const KIND: u8 = 7;
 /// Estimated error above which a patch is drawn more often, share of the tolerance.
 const USUAL: f64 = 0.1;
-/// Rows beside that of a patch whose light is apart.
-const ROWS: [i64; 3] = [-1, 0, 1];
 /// Half the height over which a ray is spread at the border of a row, rows.
 const SPREAD: f64 = 1e-6;
 
@@ -54,14 +53,17 @@ enum Sampled<'p> {
     Even(&'p EvenPatch),
 }
 
-/// Light of a patch by the row where it lands.
-type LandedLight = [WindowLight; ROWS.len()];
+/// Light of a patch by the row where it lands, downwards; that of the patch is in the middle.
+type LandedLight = Vec<WindowLight>;
 
 /// Part of the light of a patch that a piece gives.
 #[derive(Debug, Clone, Copy)]
 struct Part {
-    /// Heights of its light, rows below the upper border.
-    z: [f64; 2],
+    piece: Piece,
+    /// Height of its light on the sample, rows below the upper border.
+    z: f64,
+    /// Ends along z of where it lands, rows below the upper border.
+    landing: [f64; 2],
     /// Share of the row.
     weight: f64,
 }
@@ -71,7 +73,6 @@ struct Part {
 pub(super) struct Auditor<'a> {
     pub view: &'a ViewContext<'a>,
     pub illumination: &'a Illumination<'a>,
-    pub even: &'a EvenSampler<'a>,
     /// Openings of the beamlets of the lattice.
     pub openings: &'a [Vec<Opening>],
     /// Materials scatter.
@@ -104,7 +105,8 @@ impl<'a> Auditor<'a> {
         if drawn.is_empty() {
             return Ok(Audit::default());
         }
-        let mut differences = vec![[0; SETS].map(|_| self.no_light()); drawn.len()];
+        let no_light = || [0; SETS].map(|_| self.no_light());
+        let mut differences: Vec<[LandedLight; SETS]> = drawn.iter().map(|_| no_light()).collect();
         let mut lines = Vec::new();
         let mut cells: Vec<FreshCells> = Vec::new();
         for (at, it) in drawn.iter_mut().enumerate() {
@@ -167,12 +169,12 @@ impl<'a> Auditor<'a> {
     }
 
     /// Sums of a drawn patch, whose errors by two sets are `a` and `b`.
-    fn sums(&self, a: &LandedLight, b: &LandedLight, probability: f64) -> AuditSums {
-        let product = |a: &LandedLight, b: &LandedLight| {
+    fn sums(&self, a: &[WindowLight], b: &[WindowLight], probability: f64) -> AuditSums {
+        let product = |a: &[WindowLight], b: &[WindowLight]| {
             a.iter().zip(b).map(|(a, b)| a.product(b)).sum::<f64>()
         };
         let budget = &self.view.budget;
-        let unit = (budget.by_grid * budget.tolerance).powi(2) * self.view.response.steps() as f64;
+        let unit = (budget.by_grid * budget.tolerance).powi(2) * self.response().steps() as f64;
         let square = product(a, b) / unit;
         let noise = 0.5 * (product(a, a) - product(b, b)) / unit;
         if !(square.is_finite() && noise.is_finite()) {
@@ -183,40 +185,95 @@ impl<'a> Auditor<'a> {
         AuditSums::new(square / probability, variance)
     }
 
-    fn no_light(&self) -> LandedLight {
-        ROWS.map(|_| self.illumination.no_light())
+    /// Response whose windows and mask steps light is compared in.
+    fn response(&self) -> &'a Response {
+        let response = self.view.response;
+        response.strips.as_ref().map_or(response, |it| &it.detector[0].response)
     }
 
-    /// Adds the light of pieces of a patch, by the rows where it lands.
-    fn add_light(
-        &self,
-        [beamlet, row]: [i64; 2],
-        pieces: &[Piece],
-        part: impl Fn(&Piece) -> Part,
-        sums: &mut LandedLight,
-    ) {
+    fn no_light(&self) -> LandedLight {
+        let none = self.illumination.by(self.response()).no_light();
+        vec![none; self.rows_aside().count()]
+    }
+
+    /// Rows where light of a patch lands that is not thrown far, from that of the patch.
+    fn rows_aside(&self) -> RangeInclusive<i64> {
+        let farthest =
+            numbers::whole::<i64>((NO_LIGHT * self.view.lattice.row_blur()).ceil().max(1.0));
+        -farthest..=farthest
+    }
+
+    /// The part of a row at a height that a piece of a line gives.
+    fn part(&self, piece: &Piece, z: f64, weight: f64) -> Part {
+        let landing = [z + f64::from(self.illumination.down(piece)); 2];
+        Part { piece: *piece, z, landing, weight }
+    }
+
+    /// Adds the light of parts of a patch, by the rows where it lands.
+    fn add_light(&self, [beamlet, row]: [i64; 2], parts: &[Part], sums: &mut [WindowLight]) {
         let lattice = self.view.lattice;
         let column = lattice.column(beamlet);
         let all = i64::from(self.view.optics.detector.pixels[1]);
-        for (sum, aside) in sums.iter_mut().zip(ROWS) {
-            // A wide blur takes light to many rows: then all of it is one value.
-            let rows = match (lattice.has_wide_row_blur(), aside) {
-                (true, 0) => 0..all,
-                (true, _) => continue,
-                (false, _) => (row + aside).max(0)..(row + aside + 1).min(all),
-            };
-            let share = |piece: &Piece| {
-                let down = row as f64 + f64::from(self.illumination.down(piece));
-                let Part { z, weight } = part(piece);
-                let [top, bottom] = z.map(|z| z + down);
-                single(weight * lattice.share_in_rows([top - SPREAD, bottom + SPREAD], &rows))
-            };
-            if rows.is_empty() || pieces.iter().all(|piece| share(piece) == 0.0) {
+        for (sum, aside) in sums.iter_mut().zip(self.rows_aside()) {
+            let rows = row + aside..row + aside + 1;
+            if !(0..all).contains(&rows.start) {
                 continue;
             }
-            let line = self.illumination.pass(column, &self.openings[column], pieces, share);
-            sum.add(&line.light);
+            if let Some(strips) = &self.view.response.strips {
+                self.add_behind_strips(strips, [column as i64, row], parts, (&rows, sum));
+                continue;
+            }
+            let share = |part: &Part| {
+                let [top, bottom] = part.landing.map(|z| row as f64 + z);
+                part.weight * lattice.share_in_rows([top - SPREAD, bottom + SPREAD], &rows)
+            };
+            let openings = &self.openings[column];
+            add_shares(self.illumination, (column, openings), parts, share, sum);
         }
+    }
+
+    /// Adds the light of parts of a patch that strips of both masks let pass to some rows.
+    fn add_behind_strips(
+        &self,
+        strips: &StripResponses,
+        [column, row]: [i64; 2],
+        parts: &[Part],
+        (rows, sum): (&Range<i64>, &mut WindowLight),
+    ) {
+        let (column, row) = (numbers::narrow(column), row as f64);
+        for before in &strips.sample {
+            let openings = self.view.response.openings_of(&before.openings, column);
+            let is_alike = |a: &Opening, b: &Opening| a.step == b.step || !before.ends();
+            for behind in &strips.detector {
+                let illumination = self.illumination.by(&behind.response);
+                for some in openings.chunk_by(is_alike) {
+                    let share = |part: &Part| {
+                        let down = f64::midpoint(part.landing[0], part.landing[1]) - part.z;
+                        let place = [row + part.z, down];
+                        part.weight
+                            * strips.share((before, behind), some[0].step as usize, place, rows)
+                    };
+                    add_shares(&illumination, (column, some), parts, share, sum);
+                }
+            }
+        }
+    }
+}
+
+/// Adds the light of shares of parts of a patch behind openings.
+fn add_shares(
+    illumination: &Illumination<'_>,
+    (column, openings): (usize, &[Opening]),
+    parts: &[Part],
+    share: impl Fn(&Part) -> f64,
+    sum: &mut WindowLight,
+) {
+    let share = |part: &Part| single(share(part));
+    let shares: Vec<f32> = parts.iter().map(share).collect();
+    let lit = parts.iter().zip(shares).filter(|(_, share)| *share != 0.0);
+    let mut lit = lit.map(|(part, share)| (&part.piece, share)).peekable();
+    if lit.peek().is_some() {
+        sum.add(&illumination.pass(column, openings, lit).light);
     }
 }
 

@@ -190,18 +190,6 @@ impl<'a> EvenSampler<'a> {
         self.patch([beamlet, row], openings, FIRST, 1)
     }
 
-    /// Cells of about this number of rays, without their results.
-    pub(super) fn empty_cells(
-        &self,
-        place: [i64; 2],
-        openings: &[Opening],
-        count: u32,
-    ) -> Vec<EvenCell> {
-        let mut patch = self.patch(place, openings, count, 0);
-        patch.results = bytemuck::zeroed_vec(patch.count() as usize);
-        patch.cells().collect()
-    }
-
     /// A patch of about this number of rays.
     fn patch(
         &self,

@@ -257,6 +257,11 @@ impl<L: Judged + Clone> Heights<L> {
         self.lines.iter().filter_map(|line| line.light.as_ref())
     }
 
+    /// Light of a line.
+    pub(crate) fn line(&self, at: usize) -> Option<&L> {
+        self.lines.get(at)?.light.as_ref()
+    }
+
     /// Height of the line in the middle, and its light.
     pub(crate) fn middle(&self) -> (f64, Option<&L>) {
         let line = &self.lines[self.lines.len() / 2];
@@ -271,16 +276,13 @@ impl<L: Judged + Clone> Heights<L> {
     }
 
     /// Lines that give the light at a height, rows below the upper border, with their parts in it.
-    pub(crate) fn at(&self, z: f64) -> impl Iterator<Item = (&L, f64)> {
+    pub(crate) fn at(&self, z: f64) -> impl Iterator<Item = (usize, f64)> {
         let below = self.lines.partition_point(|line| line.z <= z);
         let (upper, lower) = (below.saturating_sub(1), below.min(self.lines.len() - 1));
         let height = self.lines[lower].z - self.lines[upper].z;
         let share = if height > 0.0 { (z - self.lines[upper].z) / height } else { 0.0 };
         let share = if self.limits.uneven == Uneven::Never { share } else { share.round() };
-        [(upper, 1.0 - share), (lower, share)]
-            .into_iter()
-            .filter(|(_, share)| *share > 0.0)
-            .filter_map(|(at, share)| Some((self.lines[at].light.as_ref()?, share)))
+        [(upper, 1.0 - share), (lower, share)].into_iter().filter(|(_, share)| *share > 0.0)
     }
 
     /// Intervals of z between lines and beyond the outer ones, rows below the upper border, with their estimated errors.

@@ -3,7 +3,7 @@
 use super::heights::{Draws, Judged};
 use super::line::{Beside, PER_BEND, PER_JUMP, Piece, Source, open_share};
 use super::window_light::{Values, WindowLight};
-use crate::sampling::{Landed, NO_LIGHT, Opening, ViewContext};
+use crate::sampling::{Landed, NO_LIGHT, Opening, Response, ViewContext};
 use crate::trace::component_hash;
 use beamlet_core::numbers::{self, single};
 use std::ops::Range;
@@ -86,9 +86,11 @@ impl Judged for std::sync::Arc<LitLine> {
 }
 
 /// Computes the light of lines of a view.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(crate) struct Illumination<'a> {
     view: &'a ViewContext<'a>,
+    /// Light that masks and windows pass.
+    response: &'a Response,
     /// Rows, beyond which light is not recorded.
     rows: Range<f64>,
     /// Value of light times displacement along x, over the same error of light.
@@ -111,14 +113,20 @@ impl<'a> Illumination<'a> {
         };
         Self {
             view,
+            response: view.response,
             rows: recorded.start as f64 - beside..recorded.end as f64 + beside,
             by_displacement,
         }
     }
 
+    /// The same by another response.
+    pub(super) fn by(&self, response: &'a Response) -> Self {
+        Self { response, ..self.clone() }
+    }
+
     /// No light of a line.
     pub(super) fn no_light(&self) -> WindowLight {
-        WindowLight::new(self.view.response.windows.len() * self.view.response.steps())
+        WindowLight::new(self.response.windows.len() * self.response.steps())
     }
 
     /// Rows that a ray is displaced by, downwards.
@@ -139,8 +147,8 @@ impl<'a> Illumination<'a> {
             let down = f64::from(self.down(piece));
             self.rows.contains(&(row + down * ratio)) || self.rows.contains(&(row + down))
         };
-        let share = |piece: &Piece| f32::from(u8::from(is_recorded(piece)));
-        let mut light = self.pass(column, openings, &pieces, share);
+        let recorded = pieces.iter().filter(|piece| is_recorded(piece)).map(|piece| (piece, 1.0));
+        let mut light = self.pass(column, openings, recorded);
         let rays = pieces.iter().filter(|it| it.source != Source::FirstOrder).count();
         light.rays = numbers::count(rays);
         let refracted = pieces.iter().filter(|piece| piece.result.crossings > 0);
@@ -157,16 +165,15 @@ impl<'a> Illumination<'a> {
         light
     }
 
-    /// Values of the light of pieces of a column of the lattice that passes masks and windows; nothing else of a line.
-    /// `share`: part of the light of a piece that counts.
-    pub(super) fn pass(
+    /// Values of the light of shares of pieces of a column of the lattice that passes masks and windows; nothing else of
+    /// a line.
+    pub(super) fn pass<'p>(
         &self,
         column: usize,
         openings: &[Opening],
-        pieces: &[Piece],
-        share: impl Fn(&Piece) -> f32,
+        pieces: impl Iterator<Item = (&'p Piece, f32)>,
     ) -> LitLine {
-        let response = self.view.response;
+        let response = self.response;
         let steps = response.steps();
         let none = || LitLine {
             light: self.no_light(),
@@ -179,16 +186,12 @@ impl<'a> Illumination<'a> {
         let bars = Opening { step: 0, x: [-half, half] };
         let mut light = none();
         let mut leaked = (response.leak > 0.0).then(none);
-        for piece in pieces {
-            let counted = share(piece);
-            if counted == 0.0 {
-                continue;
-            }
+        for (piece, share) in pieces {
             for opening in openings {
-                self.add(column, piece, counted, opening, &mut light);
+                self.add(column, piece, share, opening, &mut light);
             }
             if let Some(leaked) = &mut leaked {
-                self.add(column, piece, counted, &bars, leaked);
+                self.add(column, piece, share, &bars, leaked);
             }
         }
         if let Some(leaked) = leaked {
@@ -208,7 +211,7 @@ impl<'a> Illumination<'a> {
 
     /// Rays that draw normals on a line.
     fn draws(&self, column: usize, row: f64, openings: &[Opening], pieces: &[Piece]) -> Draws {
-        let response = self.view.response;
+        let response = self.response;
         let mut draws = Draws::default();
         let landed = |piece: &Piece| {
             let lands = self.rows.contains(&(row + f64::from(self.down(piece))));
@@ -239,7 +242,7 @@ impl<'a> Illumination<'a> {
 
     /// Adds a share of the light of a piece through an opening, parts of a spectrum apart.
     fn add(&self, column: usize, piece: &Piece, share: f32, opening: &Opening, to: &mut LitLine) {
-        let response = self.view.response;
+        let response = self.response;
         let steps = response.steps();
         let width = piece.width();
         let x = [piece.x[0].max(opening.x[0].into()), piece.x[1].min(opening.x[1].into())];
@@ -304,7 +307,7 @@ impl<'a> Illumination<'a> {
         if own.draws {
             return 0.0;
         }
-        let response = self.view.response;
+        let response = self.response;
         let open = response.lit(single(open_share(openings, own.x)));
         if open <= 0.0 {
             return 0.0;

@@ -8,6 +8,7 @@
 //! - `heights`: lines of a row, and the error of their sum (`heights/tests.rs`, `tests/physics/waves/heights.rs`).
 //! - `even`: evenly spread rays among many bodies (`unresolved.rs`, `foam.rs`).
 //! - `patches`: lines or rays of patches (`kinds.rs`, `borders.rs`).
+//! - `slopes`: light over the height of a cell (`apertures.rs`).
 //! - `audit`: measured errors of patches (`audit.rs`, `tests/metamorphic/audits.rs`).
 
 mod audit;
@@ -20,6 +21,7 @@ mod line;
 mod patch_places;
 mod patches;
 mod sections;
+mod slopes;
 mod window_light;
 
 pub(crate) use even::{EvenCell, EvenPatch};
@@ -27,4 +29,5 @@ pub(crate) use heights::{Features, Heights, Judged, LEAST_OF_RAYS, Limits, Uneve
 pub(crate) use line::Piece;
 pub(crate) use patch_places::PatchPlaces;
 pub(crate) use patches::{LinePatch, LineSampler, Sampled};
+pub(crate) use slopes::Slopes;
 pub(crate) use window_light::Values;

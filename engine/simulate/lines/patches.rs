@@ -184,7 +184,6 @@ impl<'a> LineSampler<'a> {
         Auditor {
             view: self.view,
             illumination: &self.illumination,
-            even: &self.even,
             openings: &self.openings,
             scatters: self.view.facets.steps.iter().any(|step| step.scattering.abs() > 0.0),
         }

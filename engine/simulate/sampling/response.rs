@@ -5,6 +5,7 @@ use super::error_budget::safety;
 use super::hardening::Hardening;
 use super::lattice::Lattice;
 use super::row_spread::NO_LIGHT;
+use super::strips::StripResponses;
 use super::windows::{Landed, Windows};
 use beamlet_core::numbers::single;
 use beamlet_interface::BeamletGeometry;
@@ -25,7 +26,7 @@ pub(crate) struct Response {
     /// whose bars leak those, and pixels.
     pub(crate) windows: Vec<Windows>,
     /// Standard deviation of the blur on the analyser, m.
-    blur: f32,
+    pub(super) blur: f32,
     /// From the cell plane to the analyser.
     pub(crate) magnification: f32,
     /// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the
@@ -33,7 +34,9 @@ pub(crate) struct Response {
     landing: Vec<f32>,
     /// Openings by mask step in the cell plane, from the nearest period of the sample mask, m; none
     /// without a sample mask.
-    openings: Vec<Opening>,
+    pub(super) openings: Vec<Opening>,
+    /// Responses behind apertures that end along z; none of slits.
+    pub(crate) strips: Option<StripResponses>,
     /// Length after which openings repeat, m.
     pattern: f32,
     /// Mask steps that differ enough to count.
@@ -87,15 +90,19 @@ impl Response {
         let hard = optics.sample_mask.is_none();
         let beams = optics.beamlets();
         let (openings, pattern) = match optics.passed() {
-            Some(passed) => (openings_of_steps(&passed, offsets, soft), passed.period[0]),
+            Some(passed) => {
+                let offsets = told_apart(offsets, STEPS_APART * passed.narrowest(0));
+                (openings_of_steps(&passed, &offsets, soft), passed.period[0])
+            }
             None => (Vec::new(), beams.period[0]),
         };
         let steps = openings.last().map_or(1, |last| last.step as usize + 1);
         // Bars that let less light through than lines may err by are opaque.
         let least = safety(steps) * optics.sampling.tolerances().light;
         let [leak, window_leak] = leaks.map(|leak| if leak < least { 0.0 } else { single(leak) });
-        Self {
+        let mut response = Self {
             windows: windows_of(optics, &beamlets, window_leak, blur),
+            strips: None,
             blur: single(blur),
             magnification: single(analyser / lattice.plane),
             landing: beamlets.iter().map(|c| landing(optics, c)).collect(),
@@ -112,7 +119,15 @@ impl Response {
             hardening: hardening.clone(),
             half_period: single(0.5 * lattice.period),
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
-        }
+        };
+        let leaks = [leak, window_leak];
+        response.strips = StripResponses::new(optics, &response, list, (soft, leaks));
+        response
+    }
+
+    /// The response of other windows, behind bars with another leak, at a number of mask steps.
+    pub(super) fn with_windows(&self, windows: Vec<Windows>, leak: f32, steps: usize) -> Self {
+        Self { windows, leak, steps, ..self.clone() }
     }
 
     /// Largest change of the share of light that passes a window, per displacement, 1/m.
@@ -133,12 +148,17 @@ impl Response {
 
     /// Openings of the beamlet at `column` of the lattice, inside its period.
     pub(crate) fn openings(&self, column: usize) -> Vec<Opening> {
+        self.openings_of(&self.openings, column)
+    }
+
+    /// The same of some openings from the nearest period of the sample mask.
+    pub(crate) fn openings_of(&self, openings: &[Opening], column: usize) -> Vec<Opening> {
         let half = self.half_period;
-        if self.openings.is_empty() {
+        if openings.is_empty() {
             return vec![Opening { step: 0, x: [-half, half] }];
         }
         let mut all = Vec::new();
-        for Opening { step, x } in &self.openings {
+        for Opening { step, x } in openings {
             let [low, high] = x.map(|x| x - self.mask_offset[column]);
             let [low, high] = [low + self.shadow[column], high - self.shadow[column]];
             let mut k = ((-half - high) / self.pattern).ceil();
@@ -234,12 +254,10 @@ fn borders_lie_in_apertures(optics: &Optics, beamlets: &[BeamletGeometry]) -> bo
     beamlets.iter().any(parts)
 }
 
-/// Openings by mask step: the offsets that differ enough, m; `soft`: how far an opening is seen
-/// beyond its edges, m.
-fn openings_of_steps(openings: &Openings, offsets: &[f64], soft: f64) -> Vec<Opening> {
-    let offsets = told_apart(offsets, STEPS_APART * openings.narrowest(0));
-    let of_step = |(step, offset): (u32, f64)| {
-        openings.displaced(offset, soft).map(move |x| Opening { step, x: x.map(single) })
+/// Openings at each of the offsets, m; `soft`: how far an opening is seen beyond its edges, m.
+pub(super) fn openings_of_steps(openings: &Openings, offsets: &[f64], soft: f64) -> Vec<Opening> {
+    let of_step = |(step, offset): (u32, &f64)| {
+        openings.displaced(*offset, soft).map(move |x| Opening { step, x: x.map(single) })
     };
     (0..).zip(offsets).flat_map(of_step).collect()
 }

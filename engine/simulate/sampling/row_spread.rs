@@ -19,7 +19,7 @@ pub(super) struct RowSpread {
 
 /// Change of the density of light over an interval, relative to its mean density, where the optical depth
 /// rises by `rise` over it: of the line with the same centroid.
-pub(super) fn tilt_by_depth(rise: f64) -> f64 {
+pub(crate) fn tilt_by_depth(rise: f64) -> f64 {
     let half = 0.5 * rise;
     let langevin = if half.abs() < 1e-2 { half / 3.0 } else { 1.0 / libm::tanh(half) - 1.0 / half };
     // A tilt moves the centroid of an interval by a twelfth of its height.

@@ -76,6 +76,18 @@ impl Windows {
         }
     }
 
+    /// Windows of the openings of a strip at the places of these, behind the same blur, m.
+    pub(super) fn of_strip(&self, openings: &Openings, blur: f64) -> Self {
+        let Self { share, aside, recorded, .. } = self.clone();
+        let own = Self::new(openings, blur, share, aside, std::iter::empty());
+        Self { recorded, ..own }
+    }
+
+    /// These windows with another share of the light.
+    pub(super) fn sharing(&self, share: f32) -> Self {
+        Self { share, ..self.clone() }
+    }
+
     /// Distance of the landing point of light from the centre of a window, m, given the distance `at`
     /// from the centre of an aperture of the detector mask.
     pub(crate) fn landing(&self, column: usize, at: f32) -> f32 {
@@ -116,8 +128,9 @@ impl Windows {
         if at.abs() - half > self.reach {
             return 0.0;
         }
-        let [low, middle, high] = [at - half, at, at + half].map(|at| self.integral(at));
-        (high - low + 2.0 / 3.0 * slope * (low - 2.0 * middle + high)) / (2.0 * half)
+        let [low, high] = [at - half, at + half].map(|at| self.integral(at));
+        let bend = if slope.abs() > 0.0 { low - 2.0 * self.integral(at) + high } else { 0.0 };
+        (high - low + 2.0 / 3.0 * slope * bend) / (2.0 * half)
     }
 
     /// Largest change of the light in any window on the detector if light of the beamlet at `column`, spread over

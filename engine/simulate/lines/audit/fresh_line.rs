@@ -4,6 +4,7 @@ use super::super::even::seen;
 use super::super::heights::Interval;
 use super::super::line::{LinePlace, NARROWEST, PER_BEND, PER_JUMP, Piece, open_share};
 use super::super::patches::LinePatch;
+use super::super::slopes::Slopes;
 use super::{Auditor, Drawn, LandedLight, Part, SETS, Sampled, plain};
 use crate::sampling::Landed;
 use crate::trace::Tracer;
@@ -306,33 +307,50 @@ impl Auditor<'_> {
     pub(super) fn difference(&self, line: &FreshLine, patch: &Sampled<'_>) -> LandedLight {
         let mut sums = self.no_light();
         let Sampled::Lines(patch) = patch else { return sums };
-        let place = [patch.beamlet, patch.row];
-        let part =
-            |share: f64| move |_: &Piece| Part { z: [line.z; 2], weight: share * line.weight };
-        for (own, share) in patch.heights.at(line.z) {
-            self.add_light(place, &own.pieces, part(share), &mut sums);
+        let part = |piece: &Piece, share: f64| self.part(piece, line.z, share * line.weight);
+        let mut parts = Vec::new();
+        for (number, share) in patch.heights.at(line.z) {
+            let own = self.parts_of_line(line, patch, number);
+            parts.extend(own.map(|it| Part { weight: share * it.weight, ..it }));
         }
         // Light between two rays lands between them along z as well.
-        let (mut pieces, mut down) = (Vec::new(), Vec::new());
         for pair in line.parts.iter().flat_map(|part| part.windows(2)) {
             for (piece, ends) in pieces_between(pair) {
-                let own = self.view.down(&piece.result);
-                let mut aside = ends.map(|end| f64::from(self.view.down(&end) - own));
-                aside.sort_unstable_by(f64::total_cmp);
-                pieces.push(Piece { interval: numbers::count(down.len()), ..piece });
-                down.push(aside);
+                let mut landing = ends.map(|end| line.z + f64::from(self.view.down(&end)));
+                landing.sort_unstable_by(f64::total_cmp);
+                parts.push(Part { landing, ..part(&piece, -1.0) });
             }
         }
-        let spread = |piece: &Piece| {
-            let z = down[piece.interval as usize].map(|down| line.z + down);
-            Part { z, weight: -line.weight }
-        };
-        self.add_light(place, &pieces, spread, &mut sums);
-        let seen: Vec<Piece> = line.checks.iter().filter_map(Check::seen).collect();
-        self.add_light(place, &seen, part(-1.0), &mut sums);
-        let linear: Vec<Piece> = line.checks.iter().filter_map(Check::linear).collect();
-        self.add_light(place, &linear, part(1.0), &mut sums);
+        parts.extend(line.checks.iter().filter_map(Check::seen).map(|it| part(&it, -1.0)));
+        parts.extend(line.checks.iter().filter_map(Check::linear).map(|it| part(&it, 1.0)));
+        self.add_light([patch.beamlet, patch.row], &parts, &mut sums);
         sums
+    }
+
+    /// Light of a line of a patch at the height of a fresh one.
+    fn parts_of_line<'p>(
+        &self,
+        fresh: &FreshLine,
+        patch: &'p LinePatch,
+        number: usize,
+    ) -> impl Iterator<Item = Part> + use<'_, 'p> {
+        let (z, weight) = (fresh.z, fresh.weight);
+        let optics = self.view.optics;
+        let slopes = match self.view.lattice.heights {
+            true => patch.slopes(number, single(optics.gap())),
+            false => Vec::new(),
+        };
+        let [top, bottom] = patch.heights.nearest(number);
+        let share = if bottom > top { (z - top) / (bottom - top) } else { 0.5 };
+        let pieces = patch.heights.line(number).into_iter().flat_map(|line| &line.pieces);
+        pieces.enumerate().map(move |(at, piece)| {
+            let part = self.part(piece, z, weight);
+            let Some(Slopes { landing, tilt }) = slopes.get(at) else { return part };
+            let [up, low] = landing.map(f64::from);
+            let down = -(up + (low - up) * share) / optics.detector.pitch[1];
+            let weight = weight * (1.0 + f64::from(*tilt) * (share - 0.5));
+            Part { landing: [z + down; 2], weight, ..part }
+        })
     }
 }
 

@@ -1,0 +1,62 @@
+//! Slopes of light over the height of a cell, by the lines beside its own.
+
+use super::line::Piece;
+use super::patches::LinePatch;
+use crate::sampling::tilt_by_depth;
+use beamlet_core::numbers::single;
+use beamlet_interface::FLAG_REFLECTED;
+
+/// Light of a piece of a line over the heights that are nearer to the line than to others.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Slopes {
+    /// Displacement on the detector along z at both ends, m.
+    pub(crate) landing: [f32; 2],
+    /// Change of the light, relative to its mean.
+    pub(crate) tilt: f32,
+}
+
+/// A line beside another one, whose pieces are looked at from left to right.
+struct Beside<'a> {
+    z: f64,
+    pieces: &'a [Piece],
+}
+
+impl<'a> Beside<'a> {
+    /// The piece behind the middle of another, if its rays cross the same surfaces.
+    fn like(&mut self, other: &Piece) -> Option<&'a Piece> {
+        let x = other.middle();
+        self.pieces = &self.pieces[self.pieces.partition_point(|piece| piece.x[1] < x)..];
+        let is_like = |it: &&Piece| {
+            let (own, it) = (&other.result, &it.result);
+            it.signature == own.signature && (it.flags ^ own.flags) & FLAG_REFLECTED == 0
+        };
+        self.pieces.first().filter(is_like)
+    }
+}
+
+impl LinePatch {
+    /// Slopes of the pieces of a line. `gap`: from the analyser to the detector, m.
+    pub(crate) fn slopes(&self, number: usize, gap: f32) -> Vec<Slopes> {
+        let Some(line) = self.heights.line(number) else { return Vec::new() };
+        let (z, ends) = (self.heights.z(number), self.heights.nearest(number));
+        let beside = |number: usize| {
+            let line = self.heights.line(number)?;
+            Some(Beside { z: self.heights.z(number), pieces: &line.pieces })
+        };
+        let mut beside = [number.checked_sub(1).and_then(beside), beside(number + 1)];
+        let of_piece = |own: &Piece| {
+            let [up, low] = [0, 1].map(|side| {
+                let other = beside[side].as_mut().and_then(|line| Some((line.z, line.like(own)?)));
+                other.map_or([0.0; 2], |(other_z, other)| {
+                    let share = (ends[side] - z) / (other_z - z);
+                    let landing = other.result.landing_z(gap) - own.result.landing_z(gap);
+                    let depth = other.depth_at(own.middle()) - own.depth_at(own.middle());
+                    [f64::from(landing), f64::from(depth)].map(|change| share * change)
+                })
+            });
+            let landing = [up, low].map(|[change, _]| own.result.landing_z(gap) + single(change));
+            Slopes { landing, tilt: single(tilt_by_depth(low[1] - up[1])) }
+        };
+        line.pieces.iter().map(of_piece).collect()
+    }
+}
