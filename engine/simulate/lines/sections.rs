@@ -94,11 +94,12 @@ impl Interval<'_> {
         self.x[0] + (self.x[1] - self.x[0]) * share
     }
 
-    /// Change of the place over that of the share, up to a factor: 0 at a rim.
-    fn density(share: f64, rims: [bool; 2]) -> f64 {
-        let of_end = |is_rim: bool, share: f64| if is_rim { share } else { 1.0 };
+    /// Change of the place over that of the share, up to a factor; at a rim where rays are computed, [`THINNEST`] inside.
+    fn density(&self, share: f64, rims: [bool; 2]) -> f64 {
+        let least = (THINNEST / (self.x[1] - self.x[0])).sqrt();
+        let of_end = |is_rim: bool, share: f64| if is_rim { share.max(least) } else { 1.0 };
         match rims {
-            [true, true] => (std::f64::consts::PI * share).sin(),
+            [true, true] => (std::f64::consts::PI * share).sin().max(2.0 * least),
             [low, high] => of_end(low, share) * of_end(high, 1.0 - share),
         }
     }

@@ -21,6 +21,8 @@ pub(super) struct Middle {
     sums: Sums,
     /// Change of x over that of the share of the interval at the low end, at the ray and at the high end, up to a factor.
     densities: [f64; 3],
+    /// True for each end of the piece that is a rim.
+    rims: [bool; 2],
 }
 
 impl Middle {
@@ -35,14 +37,14 @@ impl Middle {
             .plus(&self.sums.change, 4.0 * own / all)
             .plus(&ends[1], high / all);
         let opposite = |end: &Change| mean.plus(&mean, 1.0).plus(end, -1.0);
-        if low <= 0.0 {
-            return [opposite(&ends[1]), ends[1]];
+        match self.rims {
+            [true, _] => [opposite(&ends[1]), ends[1]],
+            [_, true] => [ends[0], opposite(&ends[0])],
+            _ => {
+                let off = mean.plus(&ends[0].towards(&ends[1], 0.5), -1.0);
+                ends.map(|end| end.plus(&off, 1.0))
+            }
         }
-        if high <= 0.0 {
-            return [ends[0], opposite(&ends[0])];
-        }
-        let off = mean.plus(&ends[0].towards(&ends[1], 0.5), -1.0);
-        ends.map(|end| end.plus(&off, 1.0))
     }
 }
 
@@ -62,8 +64,9 @@ impl SurfaceLines<'_> {
                 waiting.push(([half, shares[1]], [middle, ends[1]]));
                 waiting.push(([shares[0], half], [ends[0], middle]));
             } else {
-                let densities = [shares[0], half, shares[1]].map(|it| Interval::density(it, rims));
-                let middle = Middle { sums: middle, densities };
+                let densities = [shares[0], half, shares[1]].map(|it| interval.density(it, rims));
+                let rims = [rims[0] && shares[0] <= 0.0, rims[1] && shares[1] >= 1.0];
+                let middle = Middle { sums: middle, densities, rims };
                 let piece = self.piece(interval, x, &ends, Some(&middle));
                 pieces.extend(piece.parts(self.draws_of(&piece, interval.openings)));
             }
@@ -218,34 +221,44 @@ impl SurfaceLines<'_> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::THINNEST;
     use super::*;
+    use crate::lines::line::LinePlace;
+    use glam::DVec2;
 
-    /// Behind a rim at x = 0 depths grow with the root of x and displacements fall with it: over a piece the means are
+    /// Behind a rim depths grow with the root of the distance and displacements fall with it: over a piece the means are
     /// those of the integrals, next to the rim and farther from it.
     #[test]
     fn means_of_pieces_at_a_rim_are_those_of_integrals() {
+        let width = 1e-6;
+        let place = LinePlace { beamlet: 0, row: 0.0 };
+        let x = [0.0, width];
+        let interval = Interval { x, crossed: &[], openings: &[], place: &place, number: 0 };
         for rims in [[true, false], [false, true]] {
             for [near, far] in [[0.0, 0.125], [0.125, 0.25], [0.75, 1.0]] {
                 let shares = if rims[0] { [near, far] } else { [1.0 - far, 1.0 - near] };
                 let half = f64::midpoint(shares[0], shares[1]);
-                let from_rim = |share: f64| if rims[0] { share } else { 1.0 - share };
                 let change = |share: f64| {
-                    let root = from_rim(share).max(1e-5);
-                    let displacement = glam::DVec2::new(1.0 / root, -0.5 / root);
+                    let at = interval.place(share, rims);
+                    let from_rim = if rims[0] { at } else { width - at };
+                    let root = (from_rim.max(THINNEST) / width).sqrt();
+                    let displacement = DVec2::new(1.0 / root, -0.5 / root);
                     Change { depth: root, displacement, ..Change::default() }
                 };
                 let middle = Middle {
                     sums: Sums { change: change(half), ..Sums::default() },
-                    densities: [shares[0], half, shares[1]].map(|it| Interval::density(it, rims)),
+                    densities: [shares[0], half, shares[1]].map(|it| interval.density(it, rims)),
+                    rims: rims.map(|it| it && near <= 0.0),
                 };
                 let [low, high] = middle.straighten(shares.map(change));
                 let mean = low.towards(&high, 0.5);
                 let area = far * far - near * near;
                 let want = 2.0 * (far - near) / area;
-                assert!((mean.displacement.x / want - 1.0).abs() < 1e-9, "{rims:?} {near}");
-                assert!((mean.displacement.y / want + 0.5).abs() < 1e-9, "{rims:?} {near}");
+                // A ray at a rim is computed inside, 3e-4 of the root of the width.
+                assert!((mean.displacement.x / want - 1.0).abs() < 2e-3, "{rims:?} {near}");
+                assert!((mean.displacement.y / want + 0.5).abs() < 2e-3, "{rims:?} {near}");
                 let want = 2.0 / 3.0 * (far.powi(3) - near.powi(3)) / area;
-                assert!((mean.depth / want - 1.0).abs() < 1e-9, "{rims:?} {near}");
+                assert!((mean.depth / want - 1.0).abs() < 2e-3, "{rims:?} {near}");
             }
         }
     }
