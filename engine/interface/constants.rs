@@ -143,6 +143,11 @@ shared_constants! {
     /// Float of a pair where rough surfaces have heights: path that these add in the material of the larger index
     /// and take from the other, m.
     MOMENTS_HEIGHT: usize = 0;
+    /// Distance from which on a blur takes no light over borders of rows and windows, standard deviations: 1e-9 of it goes
+    /// farther (`a_whole_row_loses_the_same_share_on_both_sides`, `a_wide_blur_takes_light_to_windows_far_away`).
+    NO_LIGHT: f64 = 6.0;
+    /// Least cosine of incidence at a smooth normal: one that turns away is moved to the horizon.
+    HORIZON: f64 = 1e-4;
     /// Cosine of incidence over the roughness of a surface, below which rays of cells draw its normals.
     ROUGH_GRAZING: f64 = 15.0;
     /// Least cosine of incidence over the roughness of a surface that a height is seen under: nearer to grazing parts

@@ -3,8 +3,8 @@
 
 // Rows below `at` that receive light spread evenly over rows from 0 on, with a blur.
 float rows_before(float at, float blur) {
-    if (at >= 6.0 * blur) return at;
-    return at <= -6.0 * blur ? 0.0 : blur * ramp(at / blur);
+    if (at >= NO_LIGHT * blur) return at;
+    return at <= -NO_LIGHT * blur ? 0.0 : blur * ramp(at / blur);
 }
 
 // Adds light of a cell to all rows where it lands, for each row of the cell row.
@@ -13,7 +13,7 @@ void spread_over_rows(Cell cell, int pixel, uint mask_step, float value) {
     float top = cell_row.top + shift;
     float bottom = cell_row.bottom + shift;
     float per_row = value / (cell_row.bottom - cell_row.top);
-    float reach = 6.0 * light.row_blur;
+    float reach = NO_LIGHT * light.row_blur;
     float threshold = rounding_thresholds(pixel).x;
     float before = 0.0;
     int last = int(floor(bottom + reach));

@@ -1,7 +1,5 @@
 // Normals of the surface that facets stand for (docs/physics.md, "Smooth normals").
 
-const float HORIZON = 1e-4; // least cosine of incidence
-
 // The interpolated normal of the corners of a primitive where a ray along `direction` crosses its facet,
 // beam frame. `normal_`: of the facet; if the interpolated one faces away it is moved to the horizon.
 vec3 smooth_normal(Beam beam, uint primitive, Facet facet, vec3 normal_, vec3 direction) {

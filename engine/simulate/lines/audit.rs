@@ -17,15 +17,15 @@ mod fresh_line;
 use super::even::EvenPatch;
 use super::light::Illumination;
 use super::line::{Piece, Source};
-use super::patches::LinePatch;
+use super::patches::{LEAST, LinePatch};
 use super::window_light::WindowLight;
-use crate::sampling::{NO_LIGHT, Opening, Response, StripResponses, ViewContext};
+use crate::sampling::{Opening, Response, StripResponses, ViewContext};
 use crate::trace::Tracer;
 use beamlet_core::numbers::single;
 use beamlet_core::random::Draws;
 use beamlet_core::tally::{Audit, AuditSums};
 use beamlet_core::{Result, numbers};
-use beamlet_interface::RayResult;
+use beamlet_interface::{NO_LIGHT, RayResult};
 use fresh_cells::FreshCells;
 use fresh_line::FreshLine;
 use rayon::prelude::*;
@@ -37,8 +37,6 @@ const SETS: usize = 2;
 const KIND: u8 = 7;
 /// Estimated error above which a patch is drawn more often, share of the tolerance.
 const USUAL: f64 = 0.1;
-/// Half the height over which a ray is spread at the border of a row, rows.
-const SPREAD: f64 = 1e-6;
 
 /// A patch that is drawn.
 struct Drawn<'p> {
@@ -225,7 +223,7 @@ impl<'a> Auditor<'a> {
             }
             let share = |part: &Part| {
                 let [top, bottom] = part.landing.map(|z| row as f64 + z);
-                part.weight * lattice.share_in_rows([top - SPREAD, bottom + SPREAD], &rows)
+                part.weight * lattice.share_in_rows([top - LEAST, bottom + LEAST], &rows)
             };
             let openings = &self.openings[column];
             add_shares(self.illumination, (column, openings), parts, share, sum);

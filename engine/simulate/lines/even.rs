@@ -37,11 +37,9 @@ const ACCEPTED: f64 = 0.9;
 const MOST_OF_LINES: u32 = 128;
 /// Rays of the first trial.
 const FIRST: u32 = 48;
-/// Largest growth of the number of rays after a trial. If more are needed, another trial follows.
-const MOST_GROWTH: f64 = 100.0;
-/// The same after a trial of fewer than [`FEW`] rays, which is less exact; with 8 or 16 for all, errors of fibres rose by a
-/// third (`measured_errors_are_true_ones`).
-const MOST_GROWTH_OF_FEW: f64 = 8.0;
+/// Largest growth of the number of rays after a trial of fewer than [`FEW`] rays, which is not exact: if more are needed,
+/// another trial follows. For trials of all sizes errors of fibres would rise by a third (`measured_errors_are_true_ones`).
+const MOST_GROWTH: f64 = 8.0;
 const FEW: f64 = 256.0;
 /// Fewest lines of a patch. If no patch had more, light of a foam over borders of rows would err by 3.8e-3
 /// (`light_of_foams_is_that_of_random_rays`).
@@ -260,7 +258,7 @@ impl<'a> EvenSampler<'a> {
             return Next::Done;
         }
         let count = seen.len() as f64;
-        let most = if count < FEW { MOST_GROWTH_OF_FEW } else { MOST_GROWTH };
+        let most = if count < FEW { MOST_GROWTH } else { f64::INFINITY };
         let rays = (growth.min(most) * count).max(f64::from(FIRST));
         Next::Rays { count: numbers::whole(rays.ceil()), is_settled: growth <= most }
     }

@@ -25,7 +25,7 @@ const WHOLE: f64 = 0.3;
 pub(crate) const LEAST_OF_RAYS: f64 = 1.0 / 4096.0;
 /// Most intervals of a row before its first light, and lines at ends of bodies that are not flat: of few bodies each end
 /// counts, of many the light between lines varies anyway.
-const MOST_PARTS: u32 = 26;
+const MOST_FIRST: u32 = 26;
 
 /// Light of a line, as heights are judged by it.
 pub(crate) trait Judged {
@@ -135,7 +135,7 @@ impl<L: Judged + Clone> Heights<L> {
                 light_alone: false,
             };
         }
-        let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_PARTS.into());
+        let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_FIRST.into());
         let parts: u32 = numbers::whole((1.0 / features.height).ceil().clamp(2.0, room));
         let even = (0..=parts).map(|part| f64::from(part) / f64::from(parts));
         let mut jumps = jumps(&features.ends, limits.least);
@@ -143,7 +143,7 @@ impl<L: Judged + Clone> Heights<L> {
             jumps.clear();
         }
         let is_beside = |z: &f64| jumps.iter().all(|[low, high]| z <= low || z >= high);
-        let lids = features.lids.iter().copied().take(MOST_PARTS as usize);
+        let lids = features.lids.iter().copied().take(MOST_FIRST as usize);
         let mut heights: Vec<f64> = even.chain(lids).filter(is_beside).collect();
         heights.extend(jumps.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
         heights.sort_unstable_by(f64::total_cmp);

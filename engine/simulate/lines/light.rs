@@ -3,9 +3,10 @@
 use super::heights::{Draws, Judged};
 use super::line::{Beside, PER_BEND, PER_JUMP, Piece, Source, open_share};
 use super::window_light::{Values, WindowLight};
-use crate::sampling::{Landed, NO_LIGHT, Opening, Response, ViewContext};
+use crate::sampling::{Landed, Opening, Response, ViewContext};
 use crate::trace::component_hash;
 use beamlet_core::numbers::{self, single};
+use beamlet_interface::NO_LIGHT;
 use std::ops::Range;
 
 /// Part of the light that materials spread: all parts of a piece move alike, so that pieces add up to the light of a

@@ -14,6 +14,13 @@ pub(super) const PER_BEND: f64 = 1.0 / 6.0;
 /// Least width of a part of a line with a ray of its own, m: coordinates of rays in f32 are as coarse across a detector.
 pub(super) const NARROWEST: f64 = 2e-9;
 
+/// Most pieces of an interval between ends of facets to begin with, and rays of a piece or of a line of an audit that draw
+/// normals (`tests/physics/rough`).
+pub(super) const MOST_PARTS: f64 = 64.0;
+/// Most pieces of a line by splits, 0.4 MB, and rays of a line of an audit: rays that all differ would divide it to the
+/// narrowest pieces, 50 times as many, before the memory of lines is counted.
+pub(super) const MOST_PIECES: usize = 4096;
+
 /// Place of a line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct LinePlace {

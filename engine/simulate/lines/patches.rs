@@ -4,7 +4,7 @@ use super::audit::Auditor;
 use super::even::{EvenPatch, EvenSampler, Next};
 use super::heights::{Heights, Limits, Uneven};
 use super::light::{Illumination, LitLine};
-use super::line::{LinePlace, NARROWEST, Piece, Source, incline};
+use super::line::{LinePlace, MOST_PIECES, NARROWEST, Piece, Source, incline};
 use super::patch_places::PatchPlaces;
 use super::sections::SurfaceLines;
 use crate::sampling::{Opening, ViewContext, safety, tally_of};
@@ -17,16 +17,13 @@ use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Least height between two lines through facets, rows: their places are exact in f64, and a jump that is missed errs by
-/// 1.5e-5 of it.
-const LEAST: f64 = 1.0 / 65536.0;
+/// 1.5e-5 of it; half the height over which a ray of an audit is spread.
+pub(super) const LEAST: f64 = 1.0 / 65536.0;
 /// Standard deviations of the blur over rows beside a border within which light crosses it; with 2 random scenes
 /// erred by up to 1.2 times as much (`measured_errors_of_random_scenes_are_true_ones`).
 const REACH: f64 = 1.5;
 /// Error of a piece near grazing incidence, whose rays differ, that stays whole: share of the limit.
 const BY_RAYS: f64 = 0.15;
-/// Most pieces of a line by splits: 0.4 MB. Rays that all differ would divide it to the narrowest pieces, 50 times as
-/// many, before the memory of lines is counted.
-const MOST_PIECES: usize = 4096;
 
 /// Patches with their lines or rays, and their counts.
 #[derive(Debug)]

@@ -6,7 +6,7 @@ mod pieces;
 
 use super::by_facets::{Cut, EdgePlace, FacetCuts};
 use super::by_shapes::{Crossing, ShapeCut, ShapeInBeam};
-use super::line::{LinePlace, Piece};
+use super::line::{LinePlace, MOST_PARTS, Piece};
 use crate::sampling::{Opening, ViewContext};
 use beamlet_core::numbers;
 use effects::{Effect, distance_on_plane};
@@ -17,8 +17,6 @@ use std::ops::Range;
 const THINNEST: f64 = 1e-13;
 /// Change of the optical depth over a piece: light is linear in a cell.
 const STEEPEST: f64 = 0.1;
-/// Most pieces of an interval between ends of facets to begin with, and rays of a piece that draw normals.
-const MOST_PARTS: f64 = 64.0;
 
 /// Section of a surface by the plane of a line.
 #[derive(Debug, Clone, Copy)]

@@ -40,7 +40,13 @@ impl CellBatch {
         }
     }
 
-    fn push_together(&mut self, cell_row: CellRow, cells: &[Cell], moments: &CellMoments) {
+    /// Appends a cell row with its cells, wherever their light lands.
+    pub(super) fn push_together(
+        &mut self,
+        cell_row: CellRow,
+        cells: &[Cell],
+        moments: &CellMoments,
+    ) {
         if cells.is_empty() {
             return;
         }

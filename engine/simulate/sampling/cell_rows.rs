@@ -73,7 +73,11 @@ impl Emitter<'_> {
         {
             let column = patch.beamlet - self.view.lattice.beamlets.start;
             let cell_row = CellRow { top: z[0], bottom: z[1], ..empty_cell_row(column, patch.row) };
-            out.push(cell_row, &row.cells, &row.moments);
+            if self.view.lattice.heights {
+                out.push_together(cell_row, &row.cells, &row.moments);
+            } else {
+                out.push(cell_row, &row.cells, &row.moments);
+            }
         }
     }
 

@@ -3,9 +3,9 @@
 use beamlet_core::numbers;
 use beamlet_core::tally::Tally;
 
-/// Fraction of the budget that lines aim at for the worst mask step; with it silhouettes hold 1e-4 with uneven
+/// Fraction of the budget that lines aim at for the worst mask step, and that an estimated error by waves may take; with it silhouettes hold 1e-4 with uneven
 /// steps (`values_are_within_the_tolerance_of_much_finer_stacks`).
-const SAFETY: f64 = 0.45;
+pub(crate) const SAFETY: f64 = 0.45;
 /// The same with a single step, where the root mean square should be a third of the budget
 /// (`tight_tolerances_hold_without_a_sample_mask`).
 const SAFETY_OF_ONE: f64 = 0.2;

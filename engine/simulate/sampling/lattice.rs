@@ -1,7 +1,7 @@
 //! The lattice of cells: positions of beamlets in the cell plane, the rays that bound their cells, and
 //! their landing points. All in f64 on the host; the device gets offsets inside an index.
 
-use super::row_spread::{NO_LIGHT, RowSpread};
+use super::row_spread::RowSpread;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::{BeamletGeometry, Ray};
 use beamlet_model::optics::{DetectorPlane, Mask, Optics};
@@ -92,8 +92,7 @@ impl Lattice {
         let blur = [0, 1].map(|axis| spread(axis, optics.rotation) / pitch[axis]);
         // Cells hold the rows' shares of the first part of the spot.
         let first = spot.parts().iter().find(|part| part.weight > 0.0);
-        let first =
-            NO_LIGHT * first.map_or(0.0, |part| beamlet_model::spot::deviation(part.fwhm[1]));
+        let first = first.map_or(0.0, |part| beamlet_model::spot::deviation(part.fwhm[1]));
         let row_blur = optics.rows_of_source(first);
         let halo = numbers::whole::<i64>((deflection / pitch[1] + blur[1]).ceil());
         Self {
@@ -110,7 +109,7 @@ impl Lattice {
             alike_rows: 1,
             heights: optics.has_heights(),
             blur,
-            row_spread: RowSpread { blur: row_blur / 6.0 },
+            row_spread: RowSpread { blur: row_blur },
             rotation: optics.rotation,
             detector: optics.detector,
         }

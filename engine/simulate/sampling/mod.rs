@@ -25,7 +25,7 @@ mod windows;
 
 pub(crate) use cell_batch::{CellBatch, empty_cell_row, empty_cell_rows, lands_near};
 pub(crate) use cell_moments::{CellMoments, ExactCell};
-pub(crate) use error_budget::{ErrorBudget, safety, tally_of};
+pub(crate) use error_budget::{ErrorBudget, SAFETY, safety, tally_of};
 pub(crate) use hardening::Hardening;
 pub use lattice::{Lattice, beamlet_geometry};
 pub(crate) use moment_recording::MomentRecording;
@@ -33,7 +33,7 @@ pub(crate) use patch_grid::PatchGrid;
 pub(crate) use projected_bounds::{ProjectedBounds, projected_bounds, touches_pixel};
 pub(crate) use response::{Opening, Response};
 pub use room::Room;
-pub(crate) use row_spread::{NO_LIGHT, tilt_by_depth};
+pub(crate) use row_spread::tilt_by_depth;
 pub(crate) use rows::{PATCHES_AT_ONCE, sample_rows};
 pub(crate) use sample_facets::{SampleFacets, SurfaceStep};
 pub(crate) use strips::StripResponses;

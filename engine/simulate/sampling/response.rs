@@ -4,11 +4,10 @@
 use super::error_budget::safety;
 use super::hardening::Hardening;
 use super::lattice::Lattice;
-use super::row_spread::NO_LIGHT;
 use super::strips::StripResponses;
 use super::windows::{Landed, Windows};
 use beamlet_core::numbers::single;
-use beamlet_interface::BeamletGeometry;
+use beamlet_interface::{BeamletGeometry, NO_LIGHT};
 use beamlet_model::optics::{Mask, Openings, Optics};
 
 /// A border of pixels is in an aperture if it is farther than this from its ends, periods of the mask: where an aperture

@@ -1,11 +1,9 @@
 //! How the light of a cell spreads over its row and the two beside it, blurred by the spot.
 
 use beamlet_core::numbers::single;
+use beamlet_interface::NO_LIGHT;
 use std::f64::consts::{PI, SQRT_2};
 
-/// Distance from which on a blur takes no light, standard deviations: 1e-9 of it goes farther
-/// (`a_whole_row_loses_the_same_share_on_both_sides`, `a_wide_blur_takes_light_to_windows_far_away`).
-pub(crate) const NO_LIGHT: f64 = 6.0;
 /// Distance from which on integrals of a blur are those of a sharp border, standard deviations: over intervals of 1/65536
 /// row, a second integral that ended at 6 would be 3e-5 off.
 const SHARP: f64 = 8.0;

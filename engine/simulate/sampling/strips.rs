@@ -3,14 +3,14 @@
 //! strips and reach a row.
 
 use super::response::{Opening, Response, openings_of_steps};
-use super::row_spread::NO_LIGHT;
 use super::windows::Windows;
 use beamlet_core::numbers::{self, single};
+use beamlet_interface::NO_LIGHT;
 use beamlet_model::optics::{Mask, Optics, Strips};
 use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
-/// Strips of a round aperture. Its light changes by a fifth from one to the next at most
+/// Strips of a round aperture: an audit weighs differences of light by them, and they keep the area of the aperture
 /// (`measured_errors_behind_apertures_are_true_ones`).
 const STRIPS: u32 = 8;
 

@@ -1,7 +1,7 @@
 //! Windows on the analyser: the blurred apertures of the detector mask, or pixels, one to a period.
 
-use super::row_spread::NO_LIGHT;
 use beamlet_core::numbers::{self, single};
+use beamlet_interface::NO_LIGHT;
 use beamlet_model::optics::Openings;
 use std::ops::RangeInclusive;
 

@@ -1,14 +1,12 @@
 //! Cells of light of lines near grazing, for the illumination of rays.
 
+use super::columns::SAME;
 use super::grazing::GrazingPart;
 use super::lines::Patch;
 use crate::sampling::{CellBatch, CellMoments, Lattice, empty_cell_row};
 use beamlet_core::numbers::single;
 use beamlet_interface::{Cell, CellRow};
 use beamlet_model::optics::Optics;
-
-/// Parts of a line narrower than this, m, are left out: roundings at the borders of beamlets.
-const NARROWEST: f64 = 1e-12;
 
 /// Lattice of the cells, and the light of each energy.
 #[derive(Debug, Clone, Copy)]
@@ -55,7 +53,7 @@ impl CellPlaces<'_> {
                 let mut cells = vec![Vec::new(); lists.len()];
                 for it in &line.grazing {
                     let x = it.x.map(|x| (centre + x).max(own[0]).min(own[1]));
-                    if x[1] - x[0] <= NARROWEST {
+                    if x[1] - x[0] <= SAME {
                         continue;
                     }
                     let passed = f64::from(it.result.optical_depth).exp().recip();

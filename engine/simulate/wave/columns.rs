@@ -11,8 +11,8 @@ use std::collections::HashMap;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Places that differ by less are one, m.
-const SAME: f64 = 1e-12;
+/// Places that differ by less, m, are one, rounded: borders of windows and of beamlets.
+pub(super) const SAME: f64 = 1e-12;
 /// Least mean over the images of the focal spot that has a motion.
 const LEAST_SEEN: f64 = 1e-7;
 

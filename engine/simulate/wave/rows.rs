@@ -5,7 +5,7 @@ use super::cells::CellPlaces;
 use super::line::Line;
 use super::lines::Patch;
 use crate::lines::{Features, Heights, LEAST_OF_RAYS, Limits, Uneven};
-use crate::sampling::{CellBatch, Lattice, ProjectedBounds};
+use crate::sampling::{CellBatch, Lattice, ProjectedBounds, SAFETY};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
@@ -17,8 +17,6 @@ use std::ops::Range;
 const PATCHES: usize = 1 << 12;
 /// Share of the tolerance that the heights of the lines of a patch take: the rest is the spacing's.
 const BY_HEIGHTS: f64 = 0.4;
-/// Share of the tolerance that an estimated error may take.
-const TOLERATED: f64 = 0.45;
 /// Patches of a row of which one is traced with half the spacing.
 const SPARSE: usize = 16;
 /// Error of a spacing over the change by half of it: errors grow as the power 2.3 of the spacing.
@@ -208,7 +206,7 @@ fn tally_of(
         most_patch_rays: rays,
         error_squares: numbers::whole(squares * 1e18),
         worst_error: numbers::whole(error * 1e9),
-        beyond_tolerance: u64::from(error > TOLERATED * tolerance),
+        beyond_tolerance: u64::from(error > SAFETY * tolerance),
         ..Tally::default()
     }
 }

@@ -2,7 +2,9 @@
 
 use super::super::even::seen;
 use super::super::heights::Interval;
-use super::super::line::{LinePlace, NARROWEST, PER_BEND, PER_JUMP, Piece, open_share};
+use super::super::line::{
+    LinePlace, MOST_PARTS, MOST_PIECES, NARROWEST, PER_BEND, PER_JUMP, Piece, open_share,
+};
 use super::super::patches::LinePatch;
 use super::super::slopes::Slopes;
 use super::{Auditor, Drawn, LandedLight, Part, SETS, Sampled, plain};
@@ -20,17 +22,11 @@ const LINES: u32 = 6;
 const EVEN_HEIGHTS: f64 = 0.2;
 /// Rays of a line before an interval between them is divided.
 const RAYS: f64 = 12.0;
-/// Rays of a line that draw normals: intervals between them are not divided.
-const RANDOM_RAYS: f64 = 64.0;
 /// Parts of an interval between rays that cross different surfaces.
 const PARTS_OF_CUT: u32 = 4;
 /// Error of an interval that is not divided, share of the budget: a larger one makes the measured error uncertain, not
 /// wrong.
 const RESOLVED: f64 = 0.02;
-/// Error of an interval that needs no ray at a random place, share of the budget.
-const NEGLIGIBLE: f64 = 0.002;
-/// Most rays of a line.
-const MOST_RAYS: usize = 2000;
 
 /// Line of rays of a set.
 pub(super) struct FreshLine {
@@ -149,7 +145,7 @@ impl Auditor<'_> {
             }
         };
         let whole: f64 = open.iter().map(|[low, high]| high - low).sum();
-        let distance = whole / if is_random { RANDOM_RAYS } else { RAYS };
+        let distance = whole / if is_random { MOST_PARTS } else { RAYS };
         let of_part = |[low, high]: [f64; 2]| {
             let first = draws.uniform();
             let count = numbers::whole::<u32>(((high - low) / distance).ceil().max(2.0));
@@ -186,27 +182,19 @@ impl Auditor<'_> {
         Ok(())
     }
 
-    /// Traces rays at random places of intervals whose light may not be linear.
+    /// Traces rays at random places of all intervals.
     pub(super) fn check(
         &self,
         tracer: &mut Tracer,
         lines: &mut [FreshLine],
         drawn: &mut [Drawn<'_>],
     ) -> Result<()> {
-        let limit = NEGLIGIBLE * self.view.budget.light;
         for line in lines.iter_mut().filter(|line| !line.is_random) {
-            let column = self.view.lattice.column(line.place.beamlet);
             let draws = &mut drawn[line.drawn].draws;
-            for part in &line.parts {
-                for (ends, error) in part.windows(2).zip(self.errors(column, part)) {
-                    if error > limit
-                        && let [low, high] = *ends
-                    {
-                        let x = low.x + (high.x - low.x) * draws.uniform();
-                        let ray = FreshRay { x, result: None };
-                        line.checks.push(Check { ends: [low, high], ray });
-                    }
-                }
+            for ends in line.parts.iter().flat_map(|part| part.windows(2)) {
+                let x = ends[0].x + (ends[1].x - ends[0].x) * draws.uniform();
+                let ray = FreshRay { x, result: None };
+                line.checks.push(Check { ends: [ends[0], ends[1]], ray });
             }
         }
         self.trace_rays(tracer, lines.iter_mut().flat_map(FreshLine::check_rays).collect())
@@ -217,7 +205,7 @@ impl Auditor<'_> {
         let column = self.view.lattice.column(line.place.beamlet);
         let mut divisions: Vec<Vec<Division>> =
             line.parts.iter().map(|part| self.divisions(column, part)).collect();
-        let mut room = MOST_RAYS.saturating_sub(line.parts.iter().map(Vec::len).sum());
+        let mut room = MOST_PIECES.saturating_sub(line.parts.iter().map(Vec::len).sum());
         let mut wanted: Vec<&mut Division> = divisions.iter_mut().flatten().collect();
         wanted.sort_by(|a, b| b.error.total_cmp(&a.error));
         for division in wanted {

@@ -6,11 +6,8 @@ use crate::lines::by_shapes::Crossing;
 use crate::lines::line::LinePlace;
 use crate::sampling::SurfaceStep;
 use crate::trace::FIRST_ORDER_ERROR;
-use beamlet_interface::ROUGH_GRAZING;
+use beamlet_interface::{HORIZON, ROUGH_GRAZING};
 use glam::{DVec2, DVec3};
-
-/// Least cosine of incidence at a smooth normal, as in `shaders/walk/smooth.glsl`.
-const HORIZON: f64 = 1e-4;
 
 /// Change of a ray by surfaces.
 #[derive(Debug, Clone, Copy, Default)]

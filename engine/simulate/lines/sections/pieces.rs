@@ -1,8 +1,8 @@
 //! Pieces of an interval of a line.
 
 use super::effects::{Change, Sums};
-use super::{Interval, MOST_PARTS, SurfaceLines};
-use crate::lines::line::{NARROWEST, Piece, Source, open_share};
+use super::{Interval, SurfaceLines};
+use crate::lines::line::{MOST_PARTS, NARROWEST, Piece, Source, open_share};
 use crate::sampling::Opening;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::RayResult;
