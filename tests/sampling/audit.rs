@@ -3,7 +3,7 @@
 use super::apertures;
 use super::kinds::{apart, few_rows, meshes, run, shapes};
 use super::unresolved::fibres;
-use crate::support::{Checked, engine};
+use crate::support::engine;
 use beamlet::scene::Scene;
 use beamlet::{Backend, RunRecord, SamplingError};
 use ndarray::{Array4, Axis};
@@ -39,33 +39,28 @@ fn error_of_patches(got: &Array4<f32>, want: &Array4<f32>, record: &RunRecord) -
 }
 
 /// Where every patch is audited, the square of the measured error is that of the true one within 60 % (30 %
-/// of the error) or two of its standard errors. The true one is that to a run at a tighter tolerance.
-fn hold(engine: &Checked, name: &str, scene: &Scene, finer: f64) {
-    let mut fine = audited(scene.clone(), 0.0);
-    fine.sampling.max_rays = 200_000;
-    let (want, exact) = run(engine, &fine, finer);
-    assert_eq!(exact.sampling_error, None, "{name}");
-    let (got, record) = run(engine, &audited(scene.clone(), 1.0), TOLERANCE);
-    let (same, _) = run(engine, &audited(scene.clone(), 0.0), TOLERANCE);
-    assert_eq!(got, same, "{name}: an audit changes light");
-    let error = error_of_patches(&got, &want, &record);
-    let SamplingError { all, .. } = record.sampling_error.expect("a measured error");
-    let told = record.sampling.expect("an estimated error").rms_error;
-    println!("measured audit, {name}: {all:?} for {error:.1e}, told {told:.1e}");
-    assert_eq!(all.patches, record.tally.patches, "{name}");
-    let [square, want] = [all.rms, error].map(|it| it * it);
-    let deviation = (all.rms + all.standard_error).powi(2) - square;
-    let slack = (0.6 * want).max(2.0 * deviation);
-    assert!((square - want).abs() < slack, "{name}: {all:?} for {error:e}");
-    assert!(all.standard_error < 0.7 * error, "{name}: {all:?} for {error:e}");
-}
-
-/// The true error is that to a run at a twentieth or a fifth of the tolerance.
+/// of the error) or two of its standard errors. The true one is that to a run at a twentieth or a fifth of the tolerance.
 #[test]
 fn measured_errors_are_true_ones() {
     let engine = engine(Backend::Bvh);
     for (name, scene, finer) in scenes() {
-        hold(&engine, name, &scene, finer);
+        let mut fine = audited(scene.clone(), 0.0);
+        fine.sampling.max_rays = 200_000;
+        let (want, exact) = run(&engine, &fine, finer);
+        assert_eq!(exact.sampling_error, None, "{name}");
+        let (got, record) = run(&engine, &audited(scene.clone(), 1.0), TOLERANCE);
+        let (same, _) = run(&engine, &audited(scene.clone(), 0.0), TOLERANCE);
+        assert_eq!(got, same, "{name}: an audit changes light");
+        let error = error_of_patches(&got, &want, &record);
+        let SamplingError { all, .. } = record.sampling_error.expect("a measured error");
+        let told = record.sampling.expect("an estimated error").rms_error;
+        println!("measured audit, {name}: {all:?} for {error:.1e}, told {told:.1e}");
+        assert_eq!(all.patches, record.tally.patches, "{name}");
+        let [square, want] = [all.rms, error].map(|it| it * it);
+        let deviation = (all.rms + all.standard_error).powi(2) - square;
+        let slack = (0.6 * want).max(2.0 * deviation);
+        assert!((square - want).abs() < slack, "{name}: {all:?} for {error:e}");
+        assert!(all.standard_error < 0.7 * error, "{name}: {all:?} for {error:e}");
     }
 }
 
