@@ -151,8 +151,10 @@ pub struct Material {
     pub delta: f64,
     /// Critical angle of total reflection from vacuum, sqrt(2 delta), rad.
     pub critical_angle: f64,
-    /// Variance of the refraction angle along one axis per path length, rad2/m.
+    /// Variance of the refraction angle along one axis per path length, rad2/m; of a material with an axis across it.
     pub scattering: f64,
+    /// The same along the axis of the material; without one it is `scattering`.
+    pub scattering_along: f64,
     /// True if an entry of the scene hides a built-in material of this name.
     pub shadows_builtin: bool,
 }

@@ -102,8 +102,8 @@ pub mod scene {
         MaterialSpec, Mesh, MeshFormat, Microstructure, Motion, Normals, Object, Packing,
         PackingAmount, PackingKind, PackingRegion, Pattern, Photons, Placement, Pose, Quality,
         RandomRays, Rectangle, RotationAxis, Sampling, Scan, ScanErrors, Scatter, Scattering,
-        Scene, Scheme, Shape, ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec, Spot, SpotFit,
-        SpotPart, Substrate, Tolerances, Transport, View,
+        ScatteringAxis, Scene, Scheme, Shape, ShapeOrMesh, Source, SpectrumOrigin, SpectrumSpec,
+        Spot, SpotFit, SpotPart, Substrate, Tolerances, Transport, View,
     };
 }
 /// Spectra and their energy nodes.

@@ -48,9 +48,10 @@ void leave(uint index, uint flags) {
 // The result of a ray that has gone through.
 void write(uint index, Walk walk) {
     vec2 displacement = walk.ray.displacement;
+    RayResult straight = push.results.at[index];
     RayResult result = RayResult(walk.depth, displacement.x, displacement.y, walk.ray.before.x, walk.ray.before.y,
                   walk.signature, walk.flags, walk.crossings,
-                  push.results.at[index].displacement_variance);
+                  straight.displacement_variance, straight.variance_z, straight.covariance);
     float sum = abs(walk.depth) + abs(displacement.x) + abs(displacement.y);
     if (!(sum < 1e30)) {
         result.flags |= FLAG_NOT_FINITE;

@@ -79,7 +79,7 @@ void main() {
     // Neighbours read neighbouring results.
     for (uint r = share; r < push.batch; r += push.shares) {
         Draw d = draw(light, pixel, push.pose, push.seed, push.first_ray + r, push.rays_per_pixel);
-        RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0.0);
+        RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, 0u, 0u, 0u, 0.0, 0.0, 0.0);
         if (push.empty == 0u) result = push.results.at[p * push.batch + r];
         if ((result.flags & FLAG_NOT_FINITE) != 0u) continue;
         float slope = beamlet.slope + (d.target.x - d.source.x) / light.detector;
@@ -88,8 +88,12 @@ void main() {
         float x = d.source.x * (1.0 - plane) + d.target.x * plane;
         // What materials spread; rough surfaces have drawn their normals.
         vec2 scattered = vec2(0.0);
-        if (result.displacement_variance > 0.0) {
-            scattered = sqrt(result.displacement_variance) * normal_pair(pcg4d(uvec4(d.key, SCATTERED, 0u, 0u)).xy);
+        if (result.displacement_variance > 0.0 || result.variance_z > 0.0) {
+            vec2 normals = normal_pair(pcg4d(uvec4(d.key, SCATTERED, 0u, 0u)).xy);
+            float spread_x = sqrt(result.displacement_variance);
+            float joint = spread_x > 0.0 ? result.covariance / spread_x : 0.0;
+            float own = sqrt(max(result.variance_z - joint * joint, 0.0));
+            scattered = vec2(spread_x * normals.x, joint * normals.x + own * normals.y);
         }
         result.displacement_x += scattered.x;
         result.displacement_z += scattered.y;

@@ -248,13 +248,19 @@ fn write_estimate(f: &mut Formatter<'_>, work: &Work) -> fmt::Result {
 }
 
 fn write_material(f: &mut Formatter<'_>, material: &Material, width: usize) -> fmt::Result {
-    let Material { name, mu, delta, critical_angle, scattering, .. } = material;
+    let Material { name, mu, delta, critical_angle, scattering, scattering_along, .. } = material;
     let angle = format!("{} mrad", number(critical_angle * 1e3));
     write!(f, "  {name:width$}  mu {:>12}  delta {delta:>11.4e}", format!("{} /m", number(*mu)))?;
     write!(f, "  critical angle {angle:>14}")?;
-    if *scattering > 0.0 {
-        let rounded = format!("{scattering:.4e}").parse().unwrap_or(*scattering);
-        write!(f, "  scattering {}", Dimension::Scattering.rounded(rounded))?;
+    if scattering.max(*scattering_along) > 0.0 {
+        let text = |value: f64| {
+            let rounded = format!("{value:.4e}").parse().unwrap_or(value);
+            Dimension::Scattering.rounded(rounded)
+        };
+        write!(f, "  scattering {}", text(*scattering))?;
+        if scattering_along.to_bits() != scattering.to_bits() {
+            write!(f, " across its axis, {} along it", text(*scattering_along))?;
+        }
     }
     write!(f, "  ({})", material.used_by.join(", "))?;
     writeln!(f, "{}", if material.shadows_builtin { ", hides the built-in one" } else { "" })

@@ -45,13 +45,17 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
         }
         let constants = material::constants_at_for(scene, &name, energy, &key)?;
         let variance = microstructure::variances(scene, &name, &[energy])?;
-        let scattering = variance.map_or(constants.scattering, |it| it.iter().sum());
+        let [across, along] = match scene.scattering.get(&name) {
+            Some(scattering) => scattering.across_and_along(energy),
+            None => [variance.map_or(0.0, |it| it.iter().sum()); 2],
+        };
         found.push(Material {
             used_by: vec![user],
             mu: constants.mu,
             delta: constants.delta,
             critical_angle: (2.0 * constants.delta.max(0.0)).sqrt(),
-            scattering,
+            scattering: across,
+            scattering_along: along,
             shadows_builtin: shadows_builtin(scene, &name),
             name,
         });

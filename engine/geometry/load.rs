@@ -24,9 +24,12 @@ use beamlet_core::parallel::start_threads;
 use beamlet_core::watch::{LoadStep, Task, Watch, Watcher, watched};
 use beamlet_core::{numbers, reserve};
 use beamlet_model::scene::{Instances, Mesh, Normals, Object, Placement, Scene, ShapeOrMesh};
+use beamlet_packing::InstanceTransform;
 
 /// Normals of a rough surface lean by this many standard deviations of its slopes at most, about.
 const ROUGH_LEANS: f64 = 6.0;
+/// Sine of the angle between directions that are one but for the digits of a table.
+const SAME_DIRECTION: f64 = 1e-6;
 
 /// Reads, checks and places every object of the scene.
 ///
@@ -358,6 +361,33 @@ fn remedy(trial: Option<Trial>) -> String {
     }
 }
 
+/// Refuses instances that turn the axis along which their material scatters: light has one variance in a material of an
+/// object.
+fn keep_scattering_axis(
+    scene: &Scene,
+    object: &Object,
+    number: u32,
+    instances: &[InstanceTransform],
+) -> Result<()> {
+    let scattering = scene.scattering.get(&object.material);
+    let Some(axis) = scattering.and_then(|it| it.axis) else { return Ok(()) };
+    let axis = DVec3::from_array(axis.direction).normalize();
+    let turns = |it: &InstanceTransform| (it.rotation * axis).cross(axis).length() > SAME_DIRECTION;
+    match instances.iter().position(turns) {
+        None => Ok(()),
+        Some(place) => {
+            let found = format!(
+                "instance {} turned against the scattering_axis of {:?}",
+                place + 1,
+                object.material
+            );
+            let allowed =
+                "rotations about that axis; instances of each direction as an object with `rotate`";
+            Err(Error::scene(scene.object_key(number as usize, "instances"), found, allowed))
+        }
+    }
+}
+
 /// The places of an object with instances or an analytic surface; `prototype`: its surface, for that
 /// number of places.
 fn group_of(
@@ -369,8 +399,9 @@ fn group_of(
     task: Task<'_>,
 ) -> Result<Group> {
     let around = placement::group(&object.placement).map_err(failed(label))?;
-    let places: Vec<Place> =
-        beamlet_packing::watched(scene, object, task)?.iter().map(|it| around.around(it)).collect();
+    let instances = beamlet_packing::watched(scene, object, task)?;
+    keep_scattering_axis(scene, object, number, &instances)?;
+    let places: Vec<Place> = instances.iter().map(|it| around.around(it)).collect();
     let prototype = prototype(places.len());
     let bounds = prototype.bounds();
     let held = |place: &&Place| place.bounds(bounds).iter().all(|it| it.as_vec3().is_finite());

@@ -124,7 +124,8 @@ pub use reconstruct::{
 };
 pub use walk::{
     AnalyticShape, Constants, Crossing, CrossingsPush, ExactPush, Leaf, Node, Placed,
-    PoseTransform, Prototype, Ray, RayResult, Sample, Surface, SurfaceCrossing, TracePush,
+    PoseTransform, Prototype, Ray, RayResult, Sample, ScatteringAxis, Surface, SurfaceCrossing,
+    TracePush,
 };
 pub use wave::{
     WaveBeamlet, WaveField, WaveFieldPush, WaveLine, WaveLinePush, WaveMaterial, WavePair,

@@ -118,6 +118,16 @@ shared_structs! {
         pub scattering: f32,
     }
 
+    /// Directions of the scattering of a material: shares of its variance.
+    pub struct ScatteringAxis in ScatteringAxes(readonly) {
+        /// Unit vector in world coordinates.
+        pub direction: [f32; 3],
+        /// Across it.
+        pub across: f32,
+        /// Along it less across it.
+        pub excess: f32,
+    }
+
     /// Compressed wide BVH node, 80 bytes (Ylitie et al. 2017, obvhs layout).
     pub struct Node in Nodes(readonly) {
         pub origin: [f32; 3],
@@ -149,6 +159,9 @@ shared_structs! {
         /// Variance of the displacement along x by rough surfaces whose normals are not drawn and by materials that
         /// scatter, m2.
         pub displacement_variance: f32,
+        /// Variance of the displacement along z and its covariance with that along x, m2, of traced rays.
+        pub variance_z: f32,
+        pub covariance: f32,
     }
 
     /// A crossing of a straight ray, on its list.
@@ -194,6 +207,8 @@ shared_structs! {
         /// `[leaf][corner][3]`, unit, in the order of leaves; zero where facets refract by their own
         /// normals.
         pub normals: u64 => CornerNormals,
+        /// `[material]`, in samples of `KIND_DIRECTED`.
+        pub axes: u64 => ScatteringAxes,
         pub prototype_count: u32,
         /// Leaves of the sample itself: larger numbers are primitives of placed meshes.
         pub sample_leaves: u32,

@@ -2,13 +2,55 @@
 
 use crate::material::{self, Constants};
 use crate::microstructure;
-use crate::scene::Scene;
+use crate::scene::{Object, Scene};
 use crate::spectrum;
 use beamlet_core::{Result, numbers};
-use beamlet_interface::{KIND_ROUGH, KIND_SCATTERING, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
+use beamlet_interface::{
+    KIND_DIRECTED, KIND_ROUGH, KIND_SCATTERING, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR,
+};
+use glam::{DMat3, DVec3};
 use std::ops::Range;
 
-/// Materials by index; index 0 is the surroundings.
+/// Sine of the angle between directions that are one but for rounding.
+const SAME_DIRECTION: f64 = 1e-9;
+
+/// Axis of a material that scatters along it by another variance than across it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScatteringAxis {
+    /// Unit vector in the frame of the sample.
+    pub direction: DVec3,
+    /// Variance of the refraction angle across the axis and along it, over that of the constants.
+    pub shares: [f64; 2],
+}
+
+impl ScatteringAxis {
+    /// Axis of the material of an object; `None` where it scatters alike in all directions.
+    fn of(scene: &Scene, object: &Object) -> Option<Self> {
+        let scattering = scene.scattering.get(&object.material).filter(|it| it.mean() > 0.0)?;
+        let differs = |variance: f64| (variance - scattering.variance).abs() > 0.0;
+        let axis = scattering.axis.filter(|axis| differs(axis.variance))?;
+        let own = DVec3::from_array(axis.direction).try_normalize()?;
+        let shares = [scattering.variance, axis.variance].map(|it| it / scattering.mean());
+        Some(Self { direction: object.placement.rotate_direction(own).normalize(), shares })
+    }
+
+    /// True if it is an axis of one direction with another, of either sign.
+    fn is_along(&self, other: &Self) -> bool {
+        self.direction.cross(other.direction).length() < SAME_DIRECTION
+    }
+
+    /// Tensor T of the variances over that of the constants: along a unit vector v across the light vᵀTv.
+    #[must_use]
+    pub fn tensor(&self) -> DMat3 {
+        let [across, along] = self.shares;
+        let DVec3 { x, y, z } = self.direction;
+        let outer = DMat3::from_cols(x * self.direction, y * self.direction, z * self.direction);
+        DMat3::IDENTITY * across + outer * (along - across)
+    }
+}
+
+/// Materials by index; index 0 is the surroundings. A material that scatters along an axis has an index for each
+/// direction that objects give it.
 #[derive(Debug, Clone)]
 pub struct MaterialTable {
     /// Names.
@@ -19,6 +61,8 @@ pub struct MaterialTable {
     pub weights: Vec<f64>,
     /// Constants, `[node][material]`.
     pub constants: Vec<Vec<Constants>>,
+    /// Axis of each material that scatters along it by another variance than across it; none where no material does.
+    pub axes: Vec<Option<ScatteringAxis>>,
     /// Material of each object.
     pub of_object: Vec<u32>,
     /// Roughness of each object: standard deviation of the slopes of its surface.
@@ -33,14 +77,24 @@ impl MaterialTable {
     pub fn of(scene: &Scene) -> Result<Self> {
         let mut names = vec![scene.surroundings.clone()];
         let mut keys = vec![scene.surroundings_key().to_owned()];
+        let mut axes: Vec<Option<ScatteringAxis>> = vec![None];
         let mut of_object = Vec::with_capacity(scene.objects.len());
         for (number, object) in scene.objects.iter().enumerate() {
-            let index = names.iter().position(|n| *n == object.material).unwrap_or_else(|| {
+            let axis = ScatteringAxis::of(scene, object);
+            let is_own = |(name, other): (&String, &Option<ScatteringAxis>)| {
+                *name == object.material
+                    && axis.is_none_or(|own| other.is_some_and(|other| own.is_along(&other)))
+            };
+            let index = names.iter().zip(&axes).position(is_own).unwrap_or_else(|| {
                 names.push(object.material.clone());
                 keys.push(scene.object_key(number, "material"));
+                axes.push(axis);
                 names.len() - 1
             });
             of_object.push(numbers::count(index));
+        }
+        if axes.iter().all(Option::is_none) {
+            axes.clear();
         }
         let nodes = spectrum::nodes(scene)?;
         let at = |energy: f64| -> Result<Vec<Constants>> {
@@ -62,6 +116,7 @@ impl MaterialTable {
             energies: nodes.energies,
             weights: nodes.weights,
             constants,
+            axes,
             of_object,
             roughness: scene.objects.iter().map(|object| object.roughness).collect(),
         })
@@ -73,7 +128,9 @@ impl MaterialTable {
         let rough = self.roughness.iter().any(|it| *it > 0.0);
         let scatters = self.constants.iter().flatten().any(|it| it.scattering > 0.0);
         let bit = |has: bool, bit: u32| if has { bit } else { 0 };
-        bit(rough, KIND_ROUGH) | bit(scatters, KIND_SCATTERING)
+        bit(rough, KIND_ROUGH)
+            | bit(scatters, KIND_SCATTERING)
+            | bit(!self.axes.is_empty(), KIND_DIRECTED)
     }
 
     /// Words of the moments of a ray through them.

@@ -76,6 +76,10 @@ bool finish(uint index, inout Gathered all, uint attempt) {
     if (is_in_order(all.run)) all.run.flags |= FLAG_GRAZING;
     all.run.flags |= uint(255.0 * min(all.run.grazing, 1.0)) << FLAG_SHARE_SHIFT;
     RayResult result = result_of(all.sums, all.run);
+    if (DIRECTED) {
+        Ray own = push.rays.at[index];
+        direct(all.sums, beam_of(own, sample_.poses.at[own.pose]), result);
+    }
     if (!finite(result)) result.flags |= FLAG_NOT_FINITE;
     push.results.at[index] = result;
     sums_end(all.sums, index, result, all.run.balance);

@@ -3,8 +3,10 @@
 
 #ifdef PLACED
 const bool SCATTERS = (KINDS & KIND_SCATTERING) != 0u;
+const bool DIRECTED = (KINDS & KIND_DIRECTED) != 0u;
 #else
 const bool SCATTERS = false;
+const bool DIRECTED = false;
 #endif
 
 struct Run {
@@ -55,6 +57,26 @@ uint place_of_scattering(uint head, uint material) {
     return head + moments_stride() - push.materials + material;
 }
 
+// Variance of the displacement along x and along z and their covariance, over the variance along x of a material of the
+// same constants that scatters alike in all directions. The displacements follow the parts of an angle along
+// (1, -s_x, 0) and (0, -s_z, 1).
+vec3 shares_of_directions(Beam beam, uint material) {
+    ScatteringAxis axis = sample_.axes.at[material];
+    vec3 own = beam_from_world_direction(beam, axis.direction);
+    vec2 slope = vec2(beam.slope_x, beam.slope_z);
+    vec2 part = own.xz - slope * own.y;
+    vec3 shares = axis.across * vec3(1.0 + slope * slope, slope.x * slope.y)
+        + axis.excess * vec3(part * part, part.x * part.y);
+    return shares / (1.0 + slope.x * slope.x);
+}
+
+// Adds variances along x and z and their covariance.
+void spread(inout RayResult result, vec3 variance) {
+    result.displacement_variance = max(result.displacement_variance + variance.x, 0.0);
+    result.variance_z = max(variance.y, 0.0);
+    result.covariance = variance.z;
+}
+
 #ifdef SUMS_IN_REGISTERS
 // Few materials: moments are written once, where they are wanted.
 #define EACH_MATERIAL [[unroll]] for (uint m = 0u; m < MATERIALS_IN_REGISTERS; m++)
@@ -87,7 +109,7 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
 
 RayResult result_of(Sums sums, Run run) {
     RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings,
-                                 run.variance);
+                                 run.variance, 0.0, 0.0);
     EACH_MATERIAL {
         Constants k = sample_.constants.at[min(m, push.materials - 1u)];
         if (m < push.materials) {
@@ -96,11 +118,25 @@ RayResult result_of(Sums sums, Run run) {
             result.displacement_z += k.delta * sums.lever[m].y;
             result.slope_x += k.delta * sums.slope[m].x;
             result.slope_z += k.delta * sums.slope[m].y;
-            if (SCATTERS) result.displacement_variance += k.scattering * sums.scattering[m];
+            if (SCATTERS && !DIRECTED) result.displacement_variance += k.scattering * sums.scattering[m];
         }
     }
     if (SCATTERS) result.displacement_variance = max(result.displacement_variance, 0.0);
+    result.variance_z = result.displacement_variance;
     return result;
+}
+
+// Gives the moments of scattering the directions of materials, and the result what follows from them.
+void direct(inout Sums sums, Beam beam, inout RayResult result) {
+    vec3 variance = vec3(0.0);
+    EACH_MATERIAL {
+        if (m < push.materials) {
+            vec3 shares = shares_of_directions(beam, m);
+            variance += sample_.constants.at[m].scattering * sums.scattering[m] * shares;
+            sums.scattering[m] *= shares.x;
+        }
+    }
+    spread(result, variance);
 }
 
 // True if the path in a material other than the surroundings is negative: a surface with defects is
@@ -162,7 +198,7 @@ void sums_add(inout Sums sums, uint material, float sign_, Run run) {
 RayResult result_of(Sums sums, Run run) {
     Floats moments = floats_of(push.moments);
     RayResult result = RayResult(0.0, 0.0, 0.0, 0.0, 0.0, run.signature, run.flags, run.crossings,
-                                 run.variance);
+                                 run.variance, 0.0, 0.0);
     for (uint m = 0u; m < push.materials; m++) {
         Constants k = sample_.constants.at[m];
         uint base = sums_place(sums, m);
@@ -171,12 +207,25 @@ RayResult result_of(Sums sums, Run run) {
         result.displacement_z += k.delta * moments.at[base + MOMENTS_LEVER + 1u];
         result.slope_x += k.delta * moments.at[base + MOMENTS_SLOPE];
         result.slope_z += k.delta * moments.at[base + MOMENTS_SLOPE + 1u];
-        if (SCATTERS) {
+        if (SCATTERS && !DIRECTED) {
             result.displacement_variance += k.scattering * moments.at[place_of_scattering(sums.head, m)];
         }
     }
     if (SCATTERS) result.displacement_variance = max(result.displacement_variance, 0.0);
+    result.variance_z = result.displacement_variance;
     return result;
+}
+
+void direct(inout Sums sums, Beam beam, inout RayResult result) {
+    Floats moments = floats_of(push.moments);
+    vec3 variance = vec3(0.0);
+    for (uint m = 0u; m < push.materials; m++) {
+        vec3 shares = shares_of_directions(beam, m);
+        uint place = place_of_scattering(sums.head, m);
+        variance += sample_.constants.at[m].scattering * moments.at[place] * shares;
+        moments.at[place] *= shares.x;
+    }
+    spread(result, variance);
 }
 
 bool path_is_negative(Sums sums) {

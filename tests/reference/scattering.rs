@@ -19,6 +19,26 @@ pub struct Medium {
     pub section: Section,
     pub mu: f64,
     pub scattering: f64,
+    pub axis: Option<Axis>,
+}
+
+/// Axis along which a body scatters more than across it.
+#[derive(Debug, Clone, Copy)]
+pub struct Axis {
+    /// Unit vector.
+    pub direction: [f64; 3],
+    /// Variance of angles per length along it less that across it, rad2/m.
+    pub excess: f64,
+}
+
+impl Medium {
+    /// Variance of angles per length of a ray in the plane z = 0 that is turned in this plane, rad2/m: in it the unit
+    /// vector across the ray is (1, -slope, 0)/√(1 + slope²).
+    fn scattering_of(&self, slope: f64) -> f64 {
+        self.axis.map_or(self.scattering, |Axis { direction: [x, y, _], excess }| {
+            self.scattering + excess * (x - slope * y).powi(2) / (1.0 + slope * slope)
+        })
+    }
 }
 
 impl Section {
@@ -104,7 +124,7 @@ impl SetUp {
             // A small angle v in the plane of the ray moves it by v (lever - y) (1 + slope²) on the analyser.
             let square = |y: f64| ((lever - y) * (1.0 + slope * slope)).powi(2);
             let mean = (square(pair[0]) + 4.0 * square(middle) + square(pair[1])) / 6.0;
-            passed.variance += media[at].scattering * mean * path;
+            passed.variance += media[at].scattering_of(slope) * mean * path;
         }
         passed
     }

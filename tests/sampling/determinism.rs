@@ -130,7 +130,7 @@ fn random_rays_serve_every_step_alike() {
 }
 
 /// A result as bits.
-fn bits(result: &RayResult) -> [u32; 9] {
+fn bits(result: &RayResult) -> [u32; 11] {
     bytemuck::cast(*result)
 }
 

@@ -63,7 +63,7 @@ pub use pattern::{Pattern, Strip};
 pub use rectangles::Rectangle;
 pub use sample::{
     BodyShape, MaterialSpec, Mesh, MeshFormat, Microstructure, Normals, Object, Placement,
-    Scattering, Shape, ShapeOrMesh,
+    Scattering, ScatteringAxis, Shape, ShapeOrMesh,
 };
 pub use scan::{Fly, RotationAxis, Scan};
 pub use scan_errors::ScanErrors;

@@ -124,7 +124,7 @@ impl Scene {
     #[must_use]
     pub fn scatters(&self, material: &str) -> bool {
         self.microstructures.contains_key(material)
-            || self.scattering.get(material).is_some_and(|it| it.variance > 0.0)
+            || self.scattering.get(material).is_some_and(|it| it.mean() > 0.0)
     }
 
     /// Where a scene file has a key of the object of this number.

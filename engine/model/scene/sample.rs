@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::Instances;
+use glam::{DQuat, DVec3};
 
 /// Definition of a material.
 #[derive(Debug, Clone, PartialEq)]
@@ -42,8 +43,10 @@ pub enum MaterialSpec {
 #[derive(Debug, Clone, Copy, PartialEq)]
 #[non_exhaustive]
 pub struct Scattering {
-    /// Variance of the refraction angle along one axis per path length, rad2/m. >= 0.
+    /// Variance of the refraction angle along one axis per path length, rad2/m; across `axis` where there is one. >= 0.
     pub variance: f64,
+    /// Direction of fibres or plates along which the variance is another one.
+    pub axis: Option<ScatteringAxis>,
     /// Power of the photon energy that the variance is proportional to.
     pub exponent: f64,
     /// Energy of `variance`, keV; `None` with an exponent of 0. > 0.
@@ -54,7 +57,13 @@ impl Scattering {
     /// The same variance per path length, rad2/m, at all energies.
     #[must_use]
     pub const fn new(variance: f64) -> Self {
-        Self { variance, exponent: 0.0, energy: None }
+        Self { variance, axis: None, exponent: 0.0, energy: None }
+    }
+
+    /// Another variance per path length, rad2/m, along an axis of the object, of any length > 0.
+    #[must_use]
+    pub const fn with_axis(self, direction: [f64; 3], variance: f64) -> Self {
+        Self { axis: Some(ScatteringAxis { direction, variance }), ..self }
     }
 
     /// The variance per path length with a power of the photon energy over `energy`, keV.
@@ -63,11 +72,37 @@ impl Scattering {
         Self { exponent, energy: Some(energy), ..self }
     }
 
-    /// Variance per path length at an energy, keV; rad2/m.
+    /// Variance per path length at an energy, keV; rad2/m: with an axis the mean over all directions.
     #[must_use]
     pub fn at(&self, energy: f64) -> f64 {
-        self.variance * self.energy.map_or(1.0, |own| (energy / own).powf(self.exponent))
+        self.mean() * self.growth(energy)
     }
+
+    /// Variances per path length at an energy, keV, across the axis and along it, rad2/m; without one the same twice.
+    #[must_use]
+    pub fn across_and_along(&self, energy: f64) -> [f64; 2] {
+        let along = self.axis.map_or(self.variance, |axis| axis.variance);
+        [self.variance, along].map(|it| it * self.growth(energy))
+    }
+
+    /// Variance at an energy, keV, over that at its own.
+    fn growth(&self, energy: f64) -> f64 {
+        self.energy.map_or(1.0, |own| (energy / own).powf(self.exponent))
+    }
+
+    /// Variance per path length at its energy, rad2/m: with an axis the mean over all directions.
+    pub(crate) fn mean(&self) -> f64 {
+        self.axis.map_or(self.variance, |axis| (2.0 * self.variance + axis.variance) / 3.0)
+    }
+}
+
+/// A direction along which a material scatters by another variance than across it.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ScatteringAxis {
+    /// In the frame of the object's shape or mesh, before its rotations. Its length, > 0, and its sign do not count.
+    pub direction: [f64; 3],
+    /// Variance of the refraction angle along the axis per path length where light comes across it, rad2/m. >= 0.
+    pub variance: f64,
 }
 
 /// Bodies of one material at random places in another, the host, which its entry defines: light sees their mean, and
@@ -372,5 +407,16 @@ pub struct Placement {
 impl Default for Placement {
     fn default() -> Self {
         Self { center: false, scale: 1.0, rotate: Vec::new(), position: [0.0; 3] }
+    }
+}
+
+impl Placement {
+    /// A direction of the mesh or shape behind the rotations; axes without a direction do not turn it.
+    pub(crate) fn rotate_direction(&self, direction: DVec3) -> DVec3 {
+        let turn = |direction: DVec3, (axis, angle): &([f64; 3], f64)| {
+            let axis = DVec3::from_array(*axis).try_normalize();
+            axis.map_or(direction, |axis| DQuat::from_axis_angle(axis, *angle) * direction)
+        };
+        self.rotate.iter().fold(direction, turn)
     }
 }

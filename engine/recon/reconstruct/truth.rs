@@ -7,7 +7,7 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::single;
 use beamlet_core::{Error, Result};
 use beamlet_model::material::{Constants, constants_at};
-use beamlet_model::media::MaterialTable;
+use beamlet_model::media::{MaterialTable, ScatteringAxis};
 use beamlet_model::optics::modulated;
 use beamlet_model::scene::{Scan, Scene};
 use ndarray::{Array3, s};
@@ -65,7 +65,13 @@ impl Truth {
             delta: c.delta - around.delta,
             scattering: c.scattering - around.scattering,
         };
-        let of_object = media.of_object.iter().map(|medium| less(&mean[*medium as usize]));
+        let of_object = media.of_object.iter().map(|medium| {
+            let medium = *medium as usize;
+            let axis = media.axes.get(medium).and_then(Option::as_ref);
+            let share = axis.map_or(1.0, |axis| share_of_views(scene, axis));
+            let constants = less(&mean[medium]);
+            Constants { scattering: constants.scattering * share, ..constants }
+        });
         let constants = std::iter::once(less(&around)).chain(of_object).collect();
         let surroundings = ["surroundings".to_owned(), scene.surroundings.clone()];
         let objects =
@@ -104,7 +110,8 @@ impl Truth {
     }
 
     /// True values of a quantity; `None` for the dark field where no material scatters: structure that objects
-    /// describe is in no constant of a material.
+    /// describe is in no constant of a material. NaN for the dark field of a material that scatters along an axis by
+    /// another variance than across it, where views see it differently: no one value is that of a voxel.
     #[must_use]
     pub fn values(&self, quantity: Quantity) -> Option<Array3<f32>> {
         let by_label: Vec<f32> = self.by_label(quantity)?.map(single).collect();
@@ -163,7 +170,7 @@ impl Truth {
         let (quantity, unit) = (volume.quantity.name(), volume.quantity.unit());
         let largest = truths.iter().fold(0.0_f64, |most, truth| most.max(truth.abs()));
         for (([object, material], truth), sums) in self.names.iter().zip(&truths).zip(sums) {
-            if sums.voxels == 0 {
+            if sums.voxels == 0 || truth.is_nan() {
                 continue;
             }
             let count = sums.voxels as f64;
@@ -192,6 +199,18 @@ impl Truth {
         let own = self.labels[[z, y, x]];
         self.labels.slice(s![z_range, y_range, x_range]).iter().all(|label| *label == own)
     }
+}
+
+/// Variance along x in all views of a material that scatters along an axis, over that of its constants; NaN where views
+/// differ.
+fn share_of_views(scene: &Scene, axis: &ScatteringAxis) -> f64 {
+    let tensor = axis.tensor();
+    let mut shares = scene.poses().map(|motion| {
+        let x = motion.rows()[0];
+        x.dot(tensor * x)
+    });
+    let first = shares.next().unwrap_or(f64::NAN);
+    if shares.all(|share| (share - first).abs() <= ROUNDING) { first } else { f64::NAN }
 }
 
 /// Sums over the inner voxels of an object.

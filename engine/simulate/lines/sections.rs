@@ -10,6 +10,7 @@ use super::line::{LinePlace, MOST_PARTS, Piece};
 use crate::sampling::{Opening, ViewContext};
 use beamlet_core::numbers;
 use effects::{Effect, distance_on_plane};
+use glam::DVec3;
 use std::ops::Range;
 
 /// Narrower pieces, m, are left to those beside them; rays at the end of a section of a curved surface are computed this
@@ -112,6 +113,8 @@ pub(super) struct SurfaceLines<'a> {
     source: f64,
     /// From the rotation centre to the analyser, m.
     analyser: f64,
+    /// Directions of the sample that are x, y and z of the beam frame.
+    axes: [DVec3; 3],
 }
 
 impl<'a> SurfaceLines<'a> {
@@ -121,6 +124,7 @@ impl<'a> SurfaceLines<'a> {
             facets: FacetCuts::new(view),
             source: view.optics.rotation,
             analyser: view.optics.analyser_place(),
+            axes: view.motion.rows(),
         }
     }
 

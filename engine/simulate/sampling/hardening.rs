@@ -108,6 +108,7 @@ mod tests {
             energies: vec![8.0, 15.0, 25.0, 38.0],
             weights: vec![0.1, 0.4, 0.3, 0.2],
             constants: constants.collect(),
+            axes: Vec::new(),
             of_object: vec![1, 2],
             roughness: vec![0.0; 2],
         }

@@ -3,8 +3,10 @@
 use crate::accel::{Bvh, FacetTree};
 use crate::trace::{component_hash, least_cosine};
 use beamlet_geometry::{Component, Sample};
-use beamlet_model::media::MaterialTable;
+use beamlet_model::material::Constants;
+use beamlet_model::media::{MaterialTable, ScatteringAxis};
 use beamlet_model::scene::Transport;
+use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 
 /// Effect of a surface on rays: constants inside minus constants outside.
@@ -22,6 +24,8 @@ pub(crate) struct SurfaceStep {
     pub(crate) roughness: f64,
     /// Variance of the refraction angle per path length, rad2/m.
     pub(crate) scattering: f64,
+    /// Materials inside and outside.
+    pub(crate) sides: [u32; 2],
     /// Its object has defects: only a traced ray says which of its surfaces count.
     pub(crate) is_open: bool,
 }
@@ -35,6 +39,9 @@ pub(crate) struct SampleFacets {
     pub(crate) steps: Vec<SurfaceStep>,
     /// Steps between objects of exact shapes that cross: the later one, and the one around a point of its surface.
     between: BTreeMap<[u32; 2], SurfaceStep>,
+    /// Variances of the refraction angle per path length by direction, in the frame of the sample, by material; none
+    /// where all scatter alike in all directions.
+    tensors: Vec<DMat3>,
     /// Trees over the facets.
     pub(crate) tree: FacetTree,
 }
@@ -61,6 +68,7 @@ impl SampleFacets {
                     Transport::Auto => least_cosine(media.step(inside, outside)),
                 },
                 scattering: a.scattering - b.scattering,
+                sides: [inside, outside],
                 roughness: media.roughness[object as usize],
                 is_open: sample.objects.get(object as usize).is_some_and(|it| it.defects.refused()),
             }
@@ -84,7 +92,18 @@ impl SampleFacets {
         let is_exact = transport == Transport::Exact;
         let steps = (0..).zip(&sample.components).map(step).collect();
         let tree = FacetTree::new(bvh);
-        Self { is_exact, steps, between, tree }
+        let tensor = |(axis, constants): (&Option<ScatteringAxis>, &Constants)| {
+            axis.map_or(DMat3::IDENTITY, |axis| axis.tensor()) * constants.scattering
+        };
+        let tensors = media.axes.iter().zip(&mean).map(tensor).collect();
+        Self { is_exact, steps, between, tensors, tree }
+    }
+
+    /// Scattering inside a surface less outside of it, in direction of a vector in the frame of the sample, times its
+    /// square: rad2/m; `None` where all materials scatter alike in all directions.
+    pub(crate) fn directed(&self, step: &SurfaceStep, along: DVec3) -> Option<f64> {
+        let [inside, outside] = step.sides.map(|side| self.tensors.get(side as usize));
+        Some(along.dot((*inside? - *outside?) * along))
     }
 
     /// Effect of a surface of a component of an object where another object is around it: that of the component, but

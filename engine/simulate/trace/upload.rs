@@ -7,7 +7,7 @@ use beamlet_geometry as geometry;
 use beamlet_gpu::{AccelerationStructure, Buffer, Device};
 use beamlet_interface as interface;
 use beamlet_interface::{KIND_HEIGHTS, KIND_MOVED, KIND_ROUGH, PoseTransform, Surface};
-use beamlet_model::media::{MaterialTable, moment_words};
+use beamlet_model::media::{MaterialTable, ScatteringAxis, moment_words};
 use beamlet_model::scene::{Motion, Scene, Transport};
 use glam::{DVec2, DVec3};
 use std::sync::Arc;
@@ -99,6 +99,7 @@ impl DeviceSample {
             upload(device, "shapes", &shapes)?,
             upload(device, "normals of corners", &corner_normals)?,
             upload(device, "shapes that cross a shape", &partners)?,
+            upload(device, "axes of materials", &axes(media))?,
         ];
         let (prototype_count, sample_leaves) = (count(prototypes.len()), count(boxes.len()));
         // The host's copies are freed before the driver allocates memory to build in.
@@ -119,6 +120,7 @@ impl DeviceSample {
             shapes: buffers[9].address(),
             normals: buffers[10].address(),
             partners: buffers[11].address(),
+            axes: buffers[12].address(),
             prototype_count,
             sample_leaves,
             seed: [low_word(scene.sampling.seed), high_word(scene.sampling.seed)],
@@ -198,6 +200,20 @@ fn constants(media: &MaterialTable) -> Vec<interface::Constants> {
             scattering: single(c.scattering),
         })
         .collect()
+}
+
+/// Directions of the scattering of all materials; none where all scatter alike in all directions.
+fn axes(media: &MaterialTable) -> Vec<interface::ScatteringAxis> {
+    let of = |axis: &Option<ScatteringAxis>| {
+        let (direction, [across, along]) =
+            axis.map_or((DVec3::ZERO, [1.0; 2]), |axis| (axis.direction, axis.shares));
+        interface::ScatteringAxis {
+            direction: direction.to_array().map(single),
+            across: single(across),
+            excess: single(along - across),
+        }
+    };
+    media.axes.iter().map(of).collect()
 }
 
 /// The driver's acceleration structure of boxes, whose copy on the host is freed before it is built.

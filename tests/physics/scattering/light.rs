@@ -7,28 +7,26 @@ use beamlet::scene::{Instances, Scene, Transport};
 use beamlet::stack::Stacks;
 use std::fs;
 
-const OFFSETS: &str = "{ from = \"-24 um\", to = \"24 um\", count = 5 }";
+pub(super) const OFFSETS: &str = "{ from = \"-24 um\", to = \"24 um\", count = 5 }";
 /// Share of the open beam.
-const TOLERANCE: f64 = 1e-5;
+pub(super) const TOLERANCE: f64 = 1e-5;
 
-/// A scene whose sample has these media in its view.
-struct Case<'a> {
-    what: &'a str,
-    scene: &'a Scene,
+/// Takes the differences of the light of a run of a scene, whose sample has these media in its view, from that of
+/// quadratures.
+pub(super) fn compare(
+    what: &str,
+    scene: &Scene,
     set_up: SetUp,
-    media: &'a [Medium],
-}
-
-impl Case<'_> {
-    /// Takes the differences of the light of a run from that of quadratures.
-    fn compare(&self, stacks: &Stacks, worst: &mut Worst) {
-        let columns = stacks.sample.dim().3;
-        for ((_, step, _, column), light) in stacks.sample.indexed_iter() {
-            let offset = self.scene.scan.mask_offsets[step];
-            let expected = self.set_up.light(self.media, middle(columns, column), offset);
-            let place = || format!("{}, step {step}, column {column}", self.what);
-            worst.take(f64::from(*light) - expected, place);
-        }
+    media: &[Medium],
+    stacks: &Stacks,
+    worst: &mut Worst,
+) {
+    let columns = stacks.sample.dim().3;
+    for ((_, step, _, column), light) in stacks.sample.indexed_iter() {
+        let offset = scene.scan.mask_offsets[step];
+        let expected = set_up.light(media, middle(columns, column), offset);
+        let place = || format!("{what}, step {step}, column {column}");
+        worst.take(f64::from(*light) - expected, place);
     }
 }
 
@@ -72,7 +70,7 @@ fn light_behind_media_is_that_of_quadratures() {
             scene.sampling.transport = *transport;
             let what = format!("{name}, {sides:?} sides, {transport:?}, {backend:?}");
             let stacks = engine.simulate(&scene).expect("a run");
-            Case { what: &what, scene: &scene, set_up: SET_UP, media }.compare(&stacks, &mut worst);
+            compare(&what, &scene, SET_UP, media, &stacks, &mut worst);
         }
     }
     worst.holds();
@@ -86,8 +84,7 @@ fn light_off_the_axis_is_that_of_quadratures() {
     let mut scene = scene(1921, &media, None);
     scene.scan.mask_offsets = vec![0.0, 20e-6];
     let stacks = engine(Backend::Bvh).simulate(&scene).expect("a run");
-    Case { what: "a plate", scene: &scene, set_up: SET_UP, media: &media }
-        .compare(&stacks, &mut worst);
+    compare("a plate", &scene, SET_UP, &media, &stacks, &mut worst);
     let along = SET_UP.passed(&media, 0.0).variance;
     let aside = SET_UP.passed(&media, middle(1921, 0) / SET_UP.analyser).variance;
     assert!((aside / along - 1.016).abs() < 1e-3, "{}", aside / along);
@@ -103,7 +100,7 @@ fn light_behind_thick_media_has_the_lever_of_each_depth() {
     let mut scene = scene(9, &media, None);
     scene.source.distance = set_up.axis;
     let stacks = engine(Backend::Bvh).simulate(&scene).expect("a run");
-    Case { what: "0.4 m", scene: &scene, set_up, media: &media }.compare(&stacks, &mut worst);
+    compare("0.4 m", &scene, set_up, &media, &stacks, &mut worst);
     worst.holds();
 }
 
@@ -122,16 +119,14 @@ fn light_behind_media_follows_their_motion() {
     turned.scan.angles = vec![angle];
     let stacks = engine.simulate(&turned).expect("a run");
     let of_turned = moved(-angle, [0.0; 2]);
-    Case { what: "turned", scene: &turned, set_up: SET_UP, media: &of_turned }
-        .compare(&stacks, &mut worst);
+    compare("turned", &turned, SET_UP, &of_turned, &stacks, &mut worst);
 
     let mut elsewhere = scene(25, &media, None);
     elsewhere.source.distance = 1.25;
     elsewhere.objects.iter_mut().for_each(|object| object.placement.position[1] -= 0.04);
     let stacks = engine.simulate(&elsewhere).expect("a run");
     let set_up = SetUp { axis: 1.25, ..SET_UP };
-    Case { what: "origin", scene: &elsewhere, set_up, media: &moved(0.0, [0.0, -0.04]) }
-        .compare(&stacks, &mut worst);
+    compare("origin", &elsewhere, set_up, &moved(0.0, [0.0, -0.04]), &stacks, &mut worst);
 
     let flip = |it: &Medium| {
         let section = match &it.section {
@@ -145,8 +140,7 @@ fn light_behind_media_follows_their_motion() {
     let flipped: Vec<Medium> = media.iter().map(flip).collect();
     let mirrored = scene(25, &flipped, None);
     let stacks = engine.simulate(&mirrored).expect("a run");
-    Case { what: "mirrored", scene: &mirrored, set_up: SET_UP, media: &flipped }
-        .compare(&stacks, &mut worst);
+    compare("mirrored", &mirrored, SET_UP, &flipped, &stacks, &mut worst);
 
     let folder = tempfile::tempdir().expect("a folder");
     let places = folder.path().join("places.csv");
@@ -157,7 +151,6 @@ fn light_behind_media_follows_their_motion() {
     let two = [[-0.9e-3, 0.0], [0.7e-3, 4e-3]]
         .map(|by| Medium { section: own.section.moved(0.0, by), ..own.clone() });
     let stacks = engine.simulate(&pair).expect("a run");
-    Case { what: "two places", scene: &pair, set_up: SET_UP, media: &two }
-        .compare(&stacks, &mut worst);
+    compare("two places", &pair, SET_UP, &two, &stacks, &mut worst);
     worst.holds();
 }

@@ -1,6 +1,7 @@
 //! Materials that scatter, against quadratures in f64 and closed forms: each material widens light by its variance of
 //! angles per length, times the square of the distance to the analyser.
 
+mod axes;
 mod contrasts;
 mod light;
 mod microstructure;
@@ -62,15 +63,15 @@ fn middle(columns: usize, column: usize) -> f64 {
 fn plate(ends: [f64; 2], mu: f64, scattering: f64) -> Medium {
     let [low, high] = ends;
     let corners = vec![[-0.5, low], [0.5, low], [0.5, high], [-0.5, high]];
-    Medium { section: Section::Polygon(corners), mu, scattering }
+    Medium { section: Section::Polygon(corners), mu, scattering, axis: None }
 }
 
 fn disc(centre: [f64; 2], radius: f64, mu: f64, scattering: f64) -> Medium {
-    Medium { section: Section::Disc(centre, radius), mu, scattering }
+    Medium { section: Section::Disc(centre, radius), mu, scattering, axis: None }
 }
 
 /// Thickness grows from 0 to 1.5 mm over 3 mm.
 fn wedge(scattering: f64) -> Medium {
     let corners = vec![[-1.5e-3, 0.0], [1.5e-3, 0.0], [1.5e-3, 1.5e-3]];
-    Medium { section: Section::Polygon(corners), mu: 20.0, scattering }
+    Medium { section: Section::Polygon(corners), mu: 20.0, scattering, axis: None }
 }

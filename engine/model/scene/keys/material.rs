@@ -2,7 +2,9 @@
 
 use super::prelude::*;
 use crate::scene::formula::check_formula;
-use crate::scene::{BodyShape, MaterialSpec, Microstructure, Scattering, Scene, path};
+use crate::scene::{
+    BodyShape, MaterialSpec, Microstructure, Scattering, ScatteringAxis, Scene, path,
+};
 
 /// How far the weights of a mixture may be from 1, or in per cent from 100: tables round theirs.
 const WEIGHTS_OFF: f64 = 0.005;
@@ -16,6 +18,8 @@ const EXPONENT: Range = within(-limits::SCATTERING_EXPONENT, limits::SCATTERING_
 pub(crate) struct MaterialEntry {
     pub(crate) spec: MaterialSpec,
     scattering: Option<f64>,
+    scattering_along: Option<f64>,
+    scattering_axis: Option<[f64; 3]>,
     scattering_exponent: Option<f64>,
     scattering_energy: Option<f64>,
     pub(crate) microstructure: Option<Microstructure>,
@@ -27,6 +31,8 @@ impl MaterialEntry {
         Self {
             spec,
             scattering: None,
+            scattering_along: None,
+            scattering_axis: None,
             scattering_exponent: None,
             scattering_energy: None,
             microstructure: None,
@@ -39,6 +45,8 @@ impl MaterialEntry {
         let by_energy = scattering.filter(|it| it.exponent != 0.0);
         Self {
             scattering: scattering.map(|it| it.variance),
+            scattering_along: scattering.and_then(|it| it.axis).map(|axis| axis.variance),
+            scattering_axis: scattering.and_then(|it| it.axis).map(|axis| axis.direction),
             scattering_exponent: by_energy.map(|it| it.exponent),
             scattering_energy: by_energy.and_then(|it| it.energy),
             microstructure: scene.microstructures.get(name).cloned(),
@@ -50,13 +58,15 @@ impl MaterialEntry {
     pub(crate) fn scattering(&self) -> Option<Scattering> {
         let scattering = Scattering::new(self.scattering?);
         let exponent = self.scattering_exponent.unwrap_or(0.0);
-        Some(Scattering { exponent, energy: self.scattering_energy, ..scattering })
+        let axis = self.scattering_axis.zip(self.scattering_along);
+        let axis = axis.map(|(direction, variance)| ScatteringAxis { direction, variance });
+        Some(Scattering { axis, exponent, energy: self.scattering_energy, ..scattering })
     }
 }
 
 keys! { MATERIALS: MaterialEntry, "materials.NAME",
     [Forms(&[&["table"], &["formula", "density"], &["mixture", "density"], &["mu", "delta"]], 1),
-     With(&["scattering_exponent", "scattering_energy"], "scattering",
+     With(&["scattering_along", "scattering_axis", "scattering_exponent", "scattering_energy"], "scattering",
           "the variance of the refraction angle per length")],
     ["rho" => "density", "weights" => "mixture", "composition" => "mixture", "file" => "table", "beta" => "mu"];
     formula at MaterialEntry { spec: MaterialSpec::Formula { formula, .. }, .. } =>
@@ -79,7 +89,13 @@ keys! { MATERIALS: MaterialEntry, "materials.NAME",
         File("path of a file"), Required, r#""resin.csv""#,
         "Table with the columns `energy_keV,mu_per_cm,delta`.";
     scattering => Quantity(Dimension::Scattering, NOT_NEGATIVE.up_to(limits::SCATTERING)), Without("none"),
-        r#""2e-9 rad^2/m""#, "Variance of the refraction angle along one axis, per path length.";
+        r#""2e-9 rad^2/m""#,
+        "Variance of the refraction angle along one axis, per path length; across `scattering_axis` where it is given.";
+    scattering_along => Quantity(Dimension::Scattering, NOT_NEGATIVE.up_to(limits::SCATTERING)),
+        Without("none: the same in all directions"), r#""2e-10 rad^2/m""#,
+        "Variance along `scattering_axis`: of fibres less than `scattering`, of plates across it more.";
+    scattering_axis => Direction, Without("none: the same in all directions"), "[0, 0, 1]",
+        "Axis of fibres, or normal of plates, in the frame of the object's shape or mesh; with `scattering_along`.";
     scattering_exponent => Number("a power of the energy", EXPONENT), Without("0"), "-4",
         "Power of the photon energy that `scattering` is proportional to; with `scattering_energy`.";
     scattering_energy => Quantity(Energy, POSITIVE), Without("none: the same at all energies"), r#""30 keV""#,
@@ -107,12 +123,10 @@ impl Record for MaterialEntry {
     }
 
     fn finish(&mut self, table: &Table<'_>) -> Result<()> {
-        let by_energy = ["scattering_exponent", "scattering_energy"];
-        if by_energy.iter().any(|key| table.get(key).is_some()) {
-            ["scattering"]
-                .iter()
-                .chain(&by_energy)
-                .try_for_each(|key| table.require(key).map(drop))?;
+        let together =
+            [["scattering_exponent", "scattering_energy"], ["scattering_along", "scattering_axis"]];
+        for keys in together.iter().filter(|keys| keys.iter().any(|key| table.get(key).is_some())) {
+            ["scattering"].iter().chain(keys).try_for_each(|key| table.require(key).map(drop))?;
         }
         Ok(())
     }

@@ -211,7 +211,13 @@ impl SurfaceLines<'_> {
         // As `squared_arm` of `shaders/walk/moments.glsl`.
         let arm = self.analyser;
         let squared_arm = y * (arm * (arm - y) + y * y / 3.0) * length * square;
-        let scattering = -sign * step.scattering * squared_arm * (1.0 + slope[0] * slope[0]);
+        // In the beam frame an angle moves light along x by its part along (1, -slope_x, 0).
+        let [along_x, along_y, _] = self.axes;
+        let scattering = -sign
+            * match self.view.facets.directed(step, along_x - slope[0] * along_y) {
+                Some(directed) => directed * squared_arm,
+                None => step.scattering * squared_arm * (1.0 + slope[0] * slope[0]),
+            };
         let displacement = bends * lever;
         let change = Change { depth, displacement, slope: bends, roughness, scattering };
         Effect { change, remainder, draws }

@@ -151,6 +151,9 @@ impl SurfaceLines<'_> {
             flags: 0,
             crossings: crossed().map(|it| it.crossings).sum(),
             displacement_variance: single(mean.roughness) + 0.5 * (scattering[0] + scattering[1]),
+            // Cells widen light along x alone.
+            variance_z: 0.0,
+            covariance: 0.0,
         };
         let displacement = changes.map(|end| single(end.displacement.x));
         let nearest = ends[0].distance[0].min(ends[1].distance[0]);
