@@ -12,6 +12,7 @@ mod formula;
 mod lookup;
 mod mixture;
 mod notation;
+mod number_table;
 mod table;
 mod unknown;
 
@@ -22,6 +23,7 @@ use beamlet_core::error::{Error, Result};
 use unknown::unknown;
 
 pub use lookup::builtin;
+pub(crate) use number_table::NumberTable;
 
 /// Optical constants of a material at one energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -3,13 +3,15 @@
 
 use std::path::{Path, PathBuf};
 
+use super::number_table::{Fault, NumberTable};
 use super::{Constants, within};
-use beamlet_core::csv_table::cells;
-use beamlet_core::error::{Error, Place, Result};
+use beamlet_core::error::{Error, Result};
 use beamlet_core::interpolation::log_log;
-use beamlet_core::{input_file, units};
 
-const COLUMNS: [&str; 3] = ["energy_keV", "mu_per_cm", "delta"];
+const TABLE: NumberTable<3> = NumberTable {
+    noun: "material table",
+    columns: [("energy_keV", false), ("mu_per_cm", false), ("delta", false)],
+};
 
 /// Rows of (energy keV, mu 1/cm, delta), energies ascending, each at most twice; everything above 0.
 pub(super) struct ConstantsTable {
@@ -19,36 +21,14 @@ pub(super) struct ConstantsTable {
 
 impl ConstantsTable {
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let text = input_file::text(path)
-            .map_err(|e| Error::file(path, "cannot read the material table", Some(e)))?;
-        let mut rows: Vec<[f64; 3]> = Vec::new();
-        let mut order = None;
-        for (index, line) in text.lines().enumerate() {
-            let at = TableLine { path, number: index + 1, text: line };
-            let line = line.trim();
-            if line.is_empty() || line.starts_with('#') {
-                continue;
-            }
-            let fields = cells(line);
-            let Some(order) = order else {
-                order = Some(header(&at, &fields)?);
-                continue;
-            };
-            let row = row(&at, &fields, order)?;
+        let follows = |rows: &[[f64; 3]], row: &[f64; 3]| -> Fault {
             let before = rows.len().checked_sub(2).map(|index| rows[index][0]);
-            if rows.last().is_some_and(|last| last[0] > row[0])
-                || before.is_some_and(|e| e >= row[0])
-            {
-                let allowed =
-                    "energies in ascending order, each once, or twice at an absorption edge";
-                return Err(at.error(COLUMNS[0], fields[order[0]], allowed));
-            }
-            rows.push(row);
-        }
-        if rows.is_empty() {
-            let at = TableLine { path, number: text.lines().count().max(1), text: "" };
-            return Err(at.error("table", "no rows", "a header and at least one row of numbers"));
-        }
+            let falls = rows.last().is_some_and(|last| last[0] > row[0])
+                || before.is_some_and(|e| e >= row[0]);
+            let allowed = "energies in ascending order, each once, or twice at an absorption edge";
+            falls.then_some((0, allowed))
+        };
+        let rows = TABLE.read(path, follows, |_| None)?;
         Ok(Self { path: path.to_owned(), rows })
     }
 
@@ -92,46 +72,5 @@ impl ConstantsTable {
         let rises = |pair: &&[[f64; 3]]| pair[1][1] > pair[0][1];
         let between = |pair: &[[f64; 3]]| (pair[0][0] * pair[1][0]).sqrt();
         self.rows.windows(2).filter(rises).map(between).collect()
-    }
-}
-
-/// Position of each of `COLUMNS` in the file.
-fn header(at: &TableLine<'_>, fields: &[&str]) -> Result<[usize; 3]> {
-    let mut order = [0; 3];
-    for (slot, column) in order.iter_mut().zip(COLUMNS) {
-        *slot = fields.iter().position(|field| *field == column).ok_or_else(|| {
-            at.error(
-                column,
-                &fields.join(","),
-                &format!("a header line with the columns {}", COLUMNS.join(",")),
-            )
-        })?;
-    }
-    Ok(order)
-}
-
-fn row(at: &TableLine<'_>, fields: &[&str], order: [usize; 3]) -> Result<[f64; 3]> {
-    let mut row = [0.0; 3];
-    for ((value, index), column) in row.iter_mut().zip(order).zip(COLUMNS) {
-        let field = fields.get(index).copied().unwrap_or("nothing");
-        *value = match units::number(field) {
-            Some(number) if number.is_finite() && number > 0.0 => number,
-            _ => return Err(at.error(column, field, "a number above 0")),
-        };
-    }
-    Ok(row)
-}
-
-/// A line of the file, for messages.
-struct TableLine<'a> {
-    path: &'a Path,
-    number: usize,
-    text: &'a str,
-}
-
-impl TableLine<'_> {
-    fn error(&self, key: &str, found: &str, allowed: &str) -> Error {
-        let place = Place::of_word(self.path, self.number, self.text, found);
-        Error::scene_at(place, key, found, allowed)
     }
 }

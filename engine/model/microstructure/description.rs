@@ -9,6 +9,7 @@ use beamlet_core::printed::number;
 use beamlet_core::units::Dimension;
 use serde::Serialize;
 use std::fmt::{self, Display, Formatter};
+use std::path::PathBuf;
 
 /// Diameter over the width of a pixel from which on pixels show single bodies.
 const COARSE: f64 = 0.1;
@@ -48,7 +49,9 @@ pub struct Description {
     pub rays: f64,
     /// Error of the variance by assumptions about sizes, phases and cylinders, as a fraction.
     pub error: f64,
-    /// True if the fraction of the volume is above that of fluids of hard spheres.
+    /// Table of the pair distribution, and the distance that it reaches, diameters.
+    pub pair_distribution: Option<(PathBuf, f64)>,
+    /// True if the fraction of the volume is above that of fluids of hard spheres, without a table.
     pub is_extrapolated: bool,
     /// Diameter over the width of a pixel at the sample.
     pub per_pixel: f64,
@@ -97,7 +100,8 @@ impl Description {
             independent: medium.variance_of(loss.independent, shear),
             rays: medium.variance_of(loss.rays, shear),
             error: loss.error,
-            is_extrapolated: is_sphere && structure.fraction > FLUID,
+            pair_distribution: medium.pairs().map(|(path, reach)| (path.to_owned(), reach)),
+            is_extrapolated: is_sphere && structure.fraction > FLUID && medium.pairs().is_none(),
             per_pixel: structure.diameter / set_up.pixel(),
             by_waves: scene.sampling.transport == Transport::Wave,
         }
@@ -115,7 +119,11 @@ impl Description {
                 "hard spheres in equilibrium, extrapolated beyond a fraction of {FLUID}, where packings jam"
             ),
         };
-        let mut all = vec![places];
+        let by_table = self.pair_distribution.as_ref().map(|(path, reach)| {
+            let path = path.display();
+            format!("places by the pair distribution of {path}, up to {} diameters", number(*reach))
+        });
+        let mut all = vec![by_table.unwrap_or(places)];
         if self.spread > 0.0 && self.shape != "cylinders" {
             all.push("sizes lie among their own (local monodisperse mixing)".into());
         }

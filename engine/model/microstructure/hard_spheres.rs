@@ -40,7 +40,7 @@ pub(super) fn percus_yevick(x: f64, fraction: f64) -> f64 {
 }
 
 /// Correction of Verlet and Weis.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct HardSpheres {
     fraction: f64,
     /// Reduced fraction, and reduced diameter over the diameter.

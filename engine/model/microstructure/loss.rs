@@ -1,10 +1,12 @@
 //! Loss of contrast by bodies of one material at random places in another (docs/physics.md, "Microstructure").
 
 use super::hard_spheres::HardSpheres;
+use super::pairs::Pairs;
 use crate::optics::waves::{Form, structure_by_rays, structure_by_waves};
 use crate::scene::{BodyShape, Microstructure};
 use beamlet_core::numbers;
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
 
 /// Sizes of a spread, over this many standard deviations of ln d on either side.
 const SIZES: u32 = 13;
@@ -28,11 +30,31 @@ struct Size {
     density: f64,
 }
 
+/// How spheres lie to one another.
+#[derive(Debug, Clone, PartialEq)]
+enum Order {
+    /// In equilibrium.
+    HardSpheres(HardSpheres),
+    /// By a table of their pair distribution.
+    Table(Arc<Pairs>),
+}
+
+impl Order {
+    /// Structure factor. `x`: wavenumber times the diameter.
+    fn structure_factor(&self, x: f64) -> f64 {
+        match self {
+            Self::HardSpheres(spheres) => spheres.structure_factor(x),
+            Self::Table(pairs) => pairs.structure_factor(x),
+        }
+    }
+}
+
 /// Bodies at random places that do not overlap.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Bodies {
     shape: BodyShape,
     fraction: f64,
+    order: Order,
     sizes: Vec<Size>,
 }
 
@@ -72,7 +94,26 @@ impl Bodies {
             radius: size * radius,
             density: of.fraction * share / all,
         };
-        Self { shape: of.shape, fraction: of.fraction, sizes: shares.iter().map(size).collect() }
+        Self {
+            shape: of.shape,
+            fraction: of.fraction,
+            order: Order::HardSpheres(HardSpheres::new(of.fraction)),
+            sizes: shares.iter().map(size).collect(),
+        }
+    }
+
+    /// The same with the places of a table.
+    pub(super) fn with_pairs(self, pairs: Option<Pairs>) -> Self {
+        let order = pairs.map_or(self.order, |pairs| Order::Table(Arc::new(pairs)));
+        Self { order, ..self }
+    }
+
+    /// Table of the pair distribution.
+    pub(super) fn pairs(&self) -> Option<&Pairs> {
+        match &self.order {
+            Order::HardSpheres(_) => None,
+            Order::Table(pairs) => Some(pairs),
+        }
     }
 
     /// Loss at a shear in the plane of the bodies, m. `phase`: twice the wavenumber times the difference of delta
@@ -92,10 +133,9 @@ impl Bodies {
         let independent = sum(&|radius| structure_by_waves(Form::Sphere, radius, phase, shear));
         let rays = sum(&|radius| structure_by_rays(Form::Sphere, radius, phase, shear));
         let weak = sum(&|radius| weak_sphere(radius, phase, shear));
-        let spheres = HardSpheres::new(self.fraction);
         let of_size = |size: &Size| {
             let form = form(size.radius, phase);
-            size.density * form * form * correlation(&spheres, size.radius, shear)
+            size.density * form * form * correlation(&self.order, size.radius, shear)
         };
         let local: f64 = self.sizes.iter().map(of_size).sum();
         // Small phases add their correlations; otherwise they are the same part of the loss at least.
@@ -107,13 +147,13 @@ impl Bodies {
         let by_phase = 0.5 * (by_sum - by_part).abs();
         let by_sizes = match self.sizes.len() {
             1 => 0.0,
-            _ => (local - self.decoupled(&spheres, phase, shear)).abs(),
+            _ => (local - self.decoupled(phase, shear)).abs(),
         };
         Loss { value, independent, rays, error: (by_phase + by_sizes) / value }
     }
 
     /// Correlations of spheres whose sizes do not depend on their places.
-    fn decoupled(&self, spheres: &HardSpheres, phase: f64, shear: f64) -> f64 {
+    fn decoupled(&self, phase: f64, shear: f64) -> f64 {
         let number: f64 = self.sizes.iter().map(|size| size.density).sum();
         let volume: f64 = self.sizes.iter().map(|size| size.density * size.radius.powi(3)).sum();
         let mean = libm::cbrt(volume / number);
@@ -121,7 +161,7 @@ impl Bodies {
             let of =
                 |size: &Size| size.density * form(size.radius, phase) * amplitude(q * size.radius);
             let mean_form = self.sizes.iter().map(of).sum::<f64>() / number;
-            number * mean_form * mean_form * (spheres.structure_factor(2.0 * q * mean) - 1.0)
+            number * mean_form * mean_form * (self.order.structure_factor(2.0 * q * mean) - 1.0)
         })
     }
 
@@ -179,9 +219,9 @@ fn amplitude(x: f64) -> f64 {
 }
 
 /// Change of the loss by the places of spheres of a radius among one another, over the square of `form`.
-fn correlation(spheres: &HardSpheres, radius: f64, shear: f64) -> f64 {
+fn correlation(order: &Order, radius: f64, shear: f64) -> f64 {
     integral(radius, shear, |q| {
-        amplitude(q * radius).powi(2) * (spheres.structure_factor(2.0 * q * radius) - 1.0)
+        amplitude(q * radius).powi(2) * (order.structure_factor(2.0 * q * radius) - 1.0)
     })
 }
 

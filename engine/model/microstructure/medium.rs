@@ -1,12 +1,14 @@
 //! A material of a scene with bodies, as light of an energy sees it.
 
 use super::loss::{Bodies, Loss};
+use super::pairs::Pairs;
 use super::set_up::SetUp;
 use crate::material::host_and_bodies;
 use crate::optics::waves::wavelength;
 use crate::scene::{Microstructure, Scene};
 use beamlet_core::Result;
 use std::f64::consts::TAU;
+use std::path::Path;
 
 /// A material with bodies at an energy.
 #[derive(Debug, Clone, PartialEq)]
@@ -21,7 +23,7 @@ impl Medium {
     /// A material of a scene at energies of its beam, keV.
     ///
     /// # Errors
-    /// As [`crate::material::constants_over`].
+    /// As [`crate::material::constants_over`]; a table of a pair distribution that cannot be read or be right.
     pub fn of(
         scene: &Scene,
         name: &str,
@@ -30,9 +32,14 @@ impl Medium {
     ) -> Result<Vec<Self>> {
         let [hosts, bodies] = host_and_bodies(scene, name, structure, energies)?;
         let contrasts = hosts.iter().zip(&bodies).map(|(host, body)| body.delta - host.delta);
-        let bodies = Bodies::new(structure);
+        let bodies = Bodies::new(structure).with_pairs(Pairs::of(scene, name, structure)?);
         let medium = |(&energy, contrast)| Self { bodies: bodies.clone(), energy, contrast };
         Ok(energies.iter().zip(contrasts).map(medium).collect())
+    }
+
+    /// Table of the pair distribution, as the scene names it, and the distance that it reaches, diameters.
+    pub(super) fn pairs(&self) -> Option<(&Path, f64)> {
+        self.bodies.pairs().map(|pairs| (pairs.path.as_path(), pairs.reach))
     }
 
     /// Loss of contrast per path length at a shear, m.

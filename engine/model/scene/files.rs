@@ -15,7 +15,7 @@ use beamlet_core::{Error, Result, input_file};
 
 impl Scene {
     /// Paths of the files that the scene reads, as it names them: spectrum, kernels, scatter,
-    /// material tables and positions of instances. Spots are read with the scene, meshes carry their own hash.
+    /// material tables, pair distributions and positions of instances. Spots are read with the scene, meshes carry their own hash.
     #[must_use]
     pub fn referenced_files(&self) -> Vec<&Path> {
         self.files_by_key().into_iter().map(|(_, path)| path).collect()
@@ -43,6 +43,12 @@ impl Scene {
         for (name, spec) in &self.materials {
             if let MaterialSpec::Table { path } = spec {
                 named.push((keys::join(&keys::join("materials", name), "table"), path));
+            }
+        }
+        for (name, structure) in &self.microstructures {
+            if let Some(path) = &structure.pair_distribution {
+                let key = keys::join(&keys::join("materials", name), "microstructure");
+                named.push((keys::join(&key, "pair_distribution"), path));
             }
         }
         for (number, object) in self.objects.iter().enumerate() {

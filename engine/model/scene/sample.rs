@@ -120,6 +120,9 @@ pub struct Microstructure {
     pub fraction: f64,
     /// Name of the material of the bodies.
     pub of: String,
+    /// Table `r,g` of the pair distribution of spheres, r in diameters, relative to the scene's directory. `None`: hard
+    /// spheres in equilibrium.
+    pub pair_distribution: Option<PathBuf>,
 }
 
 /// Shape of the bodies of a microstructure.
@@ -137,7 +140,7 @@ impl Microstructure {
     /// Bodies of one diameter, m, with a fraction of the volume.
     #[must_use]
     pub fn new(shape: BodyShape, of: impl Into<String>, diameter: f64, fraction: f64) -> Self {
-        Self { shape, diameter, spread: 0.0, fraction, of: of.into() }
+        Self { shape, diameter, spread: 0.0, fraction, of: of.into(), pair_distribution: None }
     }
 }
 

@@ -159,6 +159,8 @@ keys! { MICROSTRUCTURE: Microstructure, "materials.NAME.microstructure", [],
         Default("0.0"), "0.2", "How much diameters differ; 0 makes all equal.";
     fraction => Number("a fraction of the volume", POSITIVE), Required, "0.4",
         "Share of the volume that the bodies have, up to 0.74 (spheres, voids) or 0.5 (cylinders).";
+    pair_distribution => File("path of a CSV file"), Without("hard spheres in equilibrium"), r#""packing.csv""#,
+        "Table `r,g` of the pair distribution of spheres or voids, r in diameters: for packings beyond a fraction of 0.5.";
     of => MATERIAL, Without("`\"air\"` with `shape = \"voids\"`, else required"), r#""silica""#,
         "Material of the bodies.";
 }
@@ -191,6 +193,10 @@ impl Record for Microstructure {
             BodyShape::Spheres | BodyShape::Voids => (0.74, "the closest packing of equal spheres"),
             BodyShape::Cylinders => (0.5, "cylinders of all directions"),
         };
+        if self.shape == BodyShape::Cylinders && self.pair_distribution.is_some() {
+            let allowed = "no table: the order of cylinders depends on their directions too";
+            faults.add(Error::scene(key("pair_distribution"), "a table for cylinders", allowed));
+        }
         if self.fraction > most {
             let allowed = format!("a number > 0, up to {most} for {why}; or `scattering`");
             faults.add(Error::scene(key("fraction"), format!("{:?}", self.fraction), allowed));
