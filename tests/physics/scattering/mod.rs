@@ -3,6 +3,7 @@
 
 mod axes;
 mod contrasts;
+mod fluid;
 mod light;
 mod microstructure;
 mod packings;
