@@ -31,6 +31,7 @@ mod placement;
 mod polygon;
 pub mod read;
 mod repeated;
+mod scattering_axis;
 mod search;
 mod shapes;
 mod sizes;

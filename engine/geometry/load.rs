@@ -16,6 +16,7 @@ use super::defects::Defects;
 use super::examined::{Examined, examine};
 use super::placed::{Group, Groups, Place, Prototype};
 use super::read::{FileOf, ReadSurface, failed, read_file, read_surface};
+use super::scattering_axis::keep_scattering_axis;
 use super::surface::{Defect, PEAK_PER_TRIANGLE, SIMPLIFY, in_mm};
 use super::trial::Trial;
 use super::{Sample, mesh_file, nesting, placement};
@@ -28,8 +29,6 @@ use beamlet_packing::InstanceTransform;
 
 /// Normals of a rough surface lean by this many standard deviations of its slopes at most, about.
 const ROUGH_LEANS: f64 = 6.0;
-/// Sine of the angle between directions that are one but for the digits of a table.
-const SAME_DIRECTION: f64 = 1e-6;
 
 /// Reads, checks and places every object of the scene.
 ///
@@ -358,33 +357,6 @@ fn remedy(trial: Option<Trial>) -> String {
             format!("repair the mesh, or accept it with allow_defects = true ({trial})")
         }
         Some(trial) => format!("{trial}: repair the mesh"),
-    }
-}
-
-/// Refuses instances that turn the axis along which their material scatters: light has one variance in a material of an
-/// object.
-fn keep_scattering_axis(
-    scene: &Scene,
-    object: &Object,
-    number: u32,
-    instances: &[InstanceTransform],
-) -> Result<()> {
-    let scattering = scene.scattering.get(&object.material);
-    let Some(axis) = scattering.and_then(|it| it.axis) else { return Ok(()) };
-    let axis = DVec3::from_array(axis.direction).normalize();
-    let turns = |it: &InstanceTransform| (it.rotation * axis).cross(axis).length() > SAME_DIRECTION;
-    match instances.iter().position(turns) {
-        None => Ok(()),
-        Some(place) => {
-            let found = format!(
-                "instance {} turned against the scattering_axis of {:?}",
-                place + 1,
-                object.material
-            );
-            let allowed =
-                "rotations about that axis; instances of each direction as an object with `rotate`";
-            Err(Error::scene(scene.object_key(number as usize, "instances"), found, allowed))
-        }
     }
 }
 

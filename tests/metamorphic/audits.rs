@@ -48,9 +48,6 @@ fn errors(seed: u64) -> Option<Errors> {
         let mut case = case(seed);
         case.scene.sampling.tolerance = Some(tolerance);
         case.scene.sampling.audit = audit;
-        if let Ok(it) = std::env::var("DRAW") {
-            case.scene.sampling.seed = it.parse().expect("a seed");
-        }
         run(&case, Backend::Bvh).unwrap_or_else(|error| panic!("seed {seed}: {error}"))
     };
     let [got, want] = [run_at(TOLERANCES[0], 1.0), run_at(TOLERANCES[1], 0.0)];

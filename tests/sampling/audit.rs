@@ -72,7 +72,10 @@ fn measured_errors_behind_apertures_are_true_ones() {
     const DRAWS: u64 = 8;
     let engine = engine(Backend::Bvh);
     let names = ["beam tracking", "squares off the rows", "pattern", "detector mask alone"];
-    for (name, scene) in apertures::scenes().into_iter().filter(|(name, _)| names.contains(name)) {
+    let mut scenes = apertures::scenes();
+    scenes.retain(|(name, _)| names.contains(name));
+    assert_eq!(scenes.len(), names.len());
+    for (name, scene) in scenes {
         let (want, _) = run(&engine, &audited(scene.clone(), 0.0), 1e-4);
         let mut squares = Vec::new();
         let mut error = 0.0;

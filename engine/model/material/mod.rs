@@ -23,7 +23,7 @@ use beamlet_core::error::{Error, Result};
 use unknown::unknown;
 
 pub use lookup::builtin;
-pub(crate) use number_table::NumberTable;
+pub(crate) use number_table::{Column, Fault, NumberTable};
 
 /// Optical constants of a material at one energy.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -10,12 +10,24 @@ use beamlet_core::{input_file, units};
 pub(crate) struct NumberTable<const N: usize> {
     /// In words: "material table".
     pub(crate) noun: &'static str,
-    /// Names of its columns, each with whether it may hold 0; numbers below are refused.
-    pub(crate) columns: [(&'static str, bool); N],
+    pub(crate) columns: [Column; N],
 }
 
-/// What a row of a table must be, where it is not: index of the column and the allowed form.
-pub(crate) type Fault = Option<(usize, &'static str)>;
+/// Column of a table.
+#[derive(Clone, Copy)]
+pub(crate) struct Column {
+    pub(crate) name: &'static str,
+    /// True if it may hold 0; numbers below are refused.
+    pub(crate) may_be_zero: bool,
+}
+
+/// Fault of a row of a table.
+pub(crate) struct Fault {
+    /// Index of the column.
+    pub(crate) column: usize,
+    /// The allowed form.
+    pub(crate) allowed: &'static str,
+}
 
 impl<const N: usize> NumberTable<N> {
     /// Reads a file. `follows`: fault of a row behind those before it; `ends`: fault of the last one of all rows.
@@ -25,8 +37,8 @@ impl<const N: usize> NumberTable<N> {
     pub(crate) fn read(
         &self,
         path: &Path,
-        follows: impl Fn(&[[f64; N]], &[f64; N]) -> Fault,
-        ends: impl Fn(&[[f64; N]]) -> Fault,
+        follows: impl Fn(&[[f64; N]], &[f64; N]) -> Option<Fault>,
+        ends: impl Fn(&[[f64; N]]) -> Option<Fault>,
     ) -> Result<Vec<[f64; N]>> {
         let text = input_file::text(path)
             .map_err(|e| Error::file(path, format!("cannot read the {}", self.noun), Some(e)))?;
@@ -45,8 +57,8 @@ impl<const N: usize> NumberTable<N> {
                 continue;
             };
             let row = self.row(&at, &fields, order)?;
-            let refuse = |(column, allowed): (usize, &str)| {
-                at.error(self.columns[column].0, fields[order[column]], allowed)
+            let refuse = |Fault { column, allowed }: Fault| {
+                at.error(self.columns[column].name, fields[order[column]], allowed)
             };
             if let Some(fault) = follows(&rows, &row) {
                 return Err(refuse(fault));
@@ -64,11 +76,11 @@ impl<const N: usize> NumberTable<N> {
     /// Position of each column in the file.
     fn header(&self, at: &TableLine<'_>, fields: &[&str]) -> Result<[usize; N]> {
         let mut order = [0; N];
-        for (slot, (column, _)) in order.iter_mut().zip(self.columns) {
-            *slot = fields.iter().position(|field| *field == column).ok_or_else(|| {
-                let columns = self.columns.map(|(name, _)| name).join(",");
+        for (slot, Column { name, .. }) in order.iter_mut().zip(self.columns) {
+            *slot = fields.iter().position(|field| *field == name).ok_or_else(|| {
+                let columns = self.columns.map(|it| it.name).join(",");
                 let allowed = format!("a header line with the columns {columns}");
-                at.error(column, &fields.join(","), &allowed)
+                at.error(name, &fields.join(","), &allowed)
             })?;
         }
         Ok(order)
@@ -76,14 +88,15 @@ impl<const N: usize> NumberTable<N> {
 
     fn row(&self, at: &TableLine<'_>, fields: &[&str], order: [usize; N]) -> Result<[f64; N]> {
         let mut row = [0.0; N];
-        for ((value, index), (column, zero)) in row.iter_mut().zip(order).zip(self.columns) {
+        for ((value, index), column) in row.iter_mut().zip(order).zip(self.columns) {
+            let Column { name, may_be_zero: zero } = column;
             let field = fields.get(index).copied().unwrap_or("nothing");
             *value = match units::number(field) {
                 Some(number) if number.is_finite() && (number > 0.0 || zero && number == 0.0) => {
                     number
                 }
-                _ if zero => return Err(at.error(column, field, "a number >= 0")),
-                _ => return Err(at.error(column, field, "a number above 0")),
+                _ if zero => return Err(at.error(name, field, "a number >= 0")),
+                _ => return Err(at.error(name, field, "a number above 0")),
             };
         }
         Ok(row)

@@ -3,14 +3,18 @@
 
 use std::path::{Path, PathBuf};
 
-use super::number_table::{Fault, NumberTable};
+use super::number_table::{Column, Fault, NumberTable};
 use super::{Constants, within};
 use beamlet_core::error::{Error, Result};
 use beamlet_core::interpolation::log_log;
 
 const TABLE: NumberTable<3> = NumberTable {
     noun: "material table",
-    columns: [("energy_keV", false), ("mu_per_cm", false), ("delta", false)],
+    columns: [
+        Column { name: "energy_keV", may_be_zero: false },
+        Column { name: "mu_per_cm", may_be_zero: false },
+        Column { name: "delta", may_be_zero: false },
+    ],
 };
 
 /// Rows of (energy keV, mu 1/cm, delta), energies ascending, each at most twice; everything above 0.
@@ -21,12 +25,12 @@ pub(super) struct ConstantsTable {
 
 impl ConstantsTable {
     pub(super) fn read(path: &Path) -> Result<Self> {
-        let follows = |rows: &[[f64; 3]], row: &[f64; 3]| -> Fault {
+        let follows = |rows: &[[f64; 3]], row: &[f64; 3]| {
             let before = rows.len().checked_sub(2).map(|index| rows[index][0]);
             let falls = rows.last().is_some_and(|last| last[0] > row[0])
                 || before.is_some_and(|e| e >= row[0]);
             let allowed = "energies in ascending order, each once, or twice at an absorption edge";
-            falls.then_some((0, allowed))
+            falls.then_some(Fault { column: 0, allowed })
         };
         let rows = TABLE.read(path, follows, |_| None)?;
         Ok(Self { path: path.to_owned(), rows })

@@ -1,6 +1,6 @@
 //! Pair distribution of spheres from a table, as their structure factor (docs/physics.md, "Microstructure").
 
-use crate::material::NumberTable;
+use crate::material::{Column, Fault, NumberTable};
 use crate::scene::{Microstructure, Scene, path as keys};
 use beamlet_core::{Error, Result, numbers};
 use rayon::prelude::*;
@@ -10,6 +10,10 @@ use std::path::{Path, PathBuf};
 /// spheres.
 const LEAST_REACH: f64 = 2.0;
 const END: f64 = 0.1;
+/// Largest distance, diameters, and distribution of a row: the sums of a table take time in proportion to the square of its
+/// last distance, a second at this one.
+const MOST_REACH: f64 = 100.0;
+const MOST_PAIRS: f64 = 1000.0;
 /// A structure factor below this, which rounding and noise do not explain, belongs to another fraction.
 const LEAST_FACTOR: f64 = -0.2;
 /// Largest wavenumber times the diameter, twice the `LAST` of losses, and points of it for each radian of the last row.
@@ -24,8 +28,10 @@ const GAUSS: [(f64, f64); 3] = [
     (0.887_298_334_620_741_7, 5.0 / 18.0),
 ];
 
-const TABLE: NumberTable<2> =
-    NumberTable { noun: "pair distribution", columns: [("r", false), ("g", true)] };
+const TABLE: NumberTable<2> = NumberTable {
+    noun: "pair distribution",
+    columns: [Column { name: "r", may_be_zero: false }, Column { name: "g", may_be_zero: true }],
+};
 
 /// Rows of distance, diameters, and distribution; a distance that comes twice is a step.
 fn read(path: &Path) -> Result<Vec<[f64; 2]>> {
@@ -33,14 +39,23 @@ fn read(path: &Path) -> Result<Vec<[f64; 2]>> {
         let [last, before] =
             [1, 2].map(|back| rows.len().checked_sub(back).map_or(0.0, |at| rows[at][0]));
         let falls = row[0] < last || (row[0] <= last && row[0] <= before);
-        falls.then_some((0, "distances in ascending order, each once, or twice at a step"))
-    };
-    let ends = |rows: &[[f64; 2]]| match rows.last() {
-        Some([r, _]) if *r < LEAST_REACH => Some((0, "rows up to 2 diameters at least")),
-        Some([_, g]) if (g - 1.0).abs() > END => {
-            Some((1, "a last row within 0.1 of 1: rows up to where bodies are independent"))
+        let fault = |column, allowed| Some(Fault { column, allowed });
+        match row {
+            _ if falls => fault(0, "distances in ascending order, each once, or twice at a step"),
+            [r, _] if *r > MOST_REACH => fault(0, "distances up to 100 diameters"),
+            [_, g] if *g > MOST_PAIRS => fault(1, "a number up to 1000"),
+            _ => None,
         }
-        _ => None,
+    };
+    let ends = |rows: &[[f64; 2]]| {
+        let fault = |column, allowed| Some(Fault { column, allowed });
+        match rows.last() {
+            Some([r, _]) if *r < LEAST_REACH => fault(0, "rows up to 2 diameters at least"),
+            Some([_, g]) if (g - 1.0).abs() > END => {
+                fault(1, "a last row within 0.1 of 1: rows up to where bodies are independent")
+            }
+            _ => None,
+        }
     };
     TABLE.read(path, follows, ends)
 }
@@ -141,7 +156,7 @@ mod tests {
     use super::*;
     use std::f64::consts::PI;
 
-    /// Pair distribution of hard spheres by the transform of their structure factor, in steps of a hundredth of a
+    /// Pair distribution of hard spheres by the transform of their structure factor, in steps of a fiftieth of a
     /// diameter up to eight; 0 within the diameter.
     fn table(fraction: f64) -> Vec<[f64; 2]> {
         let spheres = HardSpheres::new(fraction);

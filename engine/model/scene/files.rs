@@ -15,7 +15,8 @@ use beamlet_core::{Error, Result, input_file};
 
 impl Scene {
     /// Paths of the files that the scene reads, as it names them: spectrum, kernels, scatter,
-    /// material tables, pair distributions and positions of instances. Spots are read with the scene, meshes carry their own hash.
+    /// material tables, pair distributions and positions of instances. Spots are read with the scene, meshes carry their
+    /// own hash.
     #[must_use]
     pub fn referenced_files(&self) -> Vec<&Path> {
         self.files_by_key().into_iter().map(|(_, path)| path).collect()

@@ -72,7 +72,8 @@ impl Scattering {
         Self { exponent, energy: Some(energy), ..self }
     }
 
-    /// Variance per path length at an energy, keV; rad2/m: with an axis the mean over all directions.
+    /// Variance per path length at an energy, keV, rad2/m; with an axis the mean over all directions
+    /// ([`Self::across_and_along`] has both).
     #[must_use]
     pub fn at(&self, energy: f64) -> f64 {
         self.mean() * self.growth(energy)

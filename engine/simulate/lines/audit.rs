@@ -19,7 +19,7 @@ use super::light::Illumination;
 use super::line::{Piece, Source};
 use super::patches::{LEAST, LinePatch};
 use super::window_light::WindowLight;
-use crate::sampling::{Opening, Response, StripResponses, ViewContext};
+use crate::sampling::{Fall, Opening, Response, StripPair, StripResponses, ViewContext};
 use crate::trace::Tracer;
 use beamlet_core::numbers::single;
 use beamlet_core::random::Draws;
@@ -190,14 +190,15 @@ impl<'a> Auditor<'a> {
     }
 
     fn no_light(&self) -> LandedLight {
-        let none = self.illumination.by(self.response()).no_light();
+        let none = self.illumination.with_response(self.response()).no_light();
         vec![none; self.rows_aside().count()]
     }
 
     /// Rows where light of a patch lands that is not thrown far, from that of the patch.
     fn rows_aside(&self) -> RangeInclusive<i64> {
-        let farthest =
-            numbers::whole::<i64>((NO_LIGHT * self.view.lattice.row_blur()).ceil().max(1.0));
+        let of_parts = self.view.response.strips.as_ref().map_or(0.0, StripResponses::reach);
+        let reach = (NO_LIGHT * self.view.lattice.row_blur()).max(of_parts);
+        let farthest = numbers::whole::<i64>(reach.ceil().max(1.0));
         -farthest..=farthest
     }
 
@@ -218,7 +219,7 @@ impl<'a> Auditor<'a> {
                 continue;
             }
             if let Some(strips) = &self.view.response.strips {
-                self.add_behind_strips(strips, [column as i64, row], parts, (&rows, sum));
+                self.add_behind_strips(strips, [column as i64, row], parts, &rows, sum);
                 continue;
             }
             let share = |part: &Part| {
@@ -226,7 +227,7 @@ impl<'a> Auditor<'a> {
                 part.weight * lattice.share_in_rows([top - LEAST, bottom + LEAST], &rows)
             };
             let openings = &self.openings[column];
-            add_shares(self.illumination, (column, openings), parts, share, sum);
+            add_shares(self.illumination, column, openings, parts, share, sum);
         }
     }
 
@@ -236,22 +237,23 @@ impl<'a> Auditor<'a> {
         strips: &StripResponses,
         [column, row]: [i64; 2],
         parts: &[Part],
-        (rows, sum): (&Range<i64>, &mut WindowLight),
+        rows: &Range<i64>,
+        sum: &mut WindowLight,
     ) {
         let (column, row) = (numbers::narrow(column), row as f64);
         for before in &strips.sample {
             let openings = self.view.response.openings_of(&before.openings, column);
             let is_alike = |a: &Opening, b: &Opening| a.step == b.step || !before.ends();
             for behind in &strips.detector {
-                let illumination = self.illumination.by(&behind.response);
+                let illumination = self.illumination.with_response(&behind.response);
+                let pair = StripPair { sample: before, detector: behind };
                 for some in openings.chunk_by(is_alike) {
                     let share = |part: &Part| {
                         let down = f64::midpoint(part.landing[0], part.landing[1]) - part.z;
-                        let place = [row + part.z, down];
-                        part.weight
-                            * strips.share((before, behind), some[0].step as usize, place, rows)
+                        let fall = Fall { row: row + part.z, down };
+                        part.weight * strips.share(pair, some[0].step as usize, fall, rows)
                     };
-                    add_shares(&illumination, (column, some), parts, share, sum);
+                    add_shares(&illumination, column, some, parts, share, sum);
                 }
             }
         }
@@ -261,7 +263,8 @@ impl<'a> Auditor<'a> {
 /// Adds the light of shares of parts of a patch behind openings.
 fn add_shares(
     illumination: &Illumination<'_>,
-    (column, openings): (usize, &[Opening]),
+    column: usize,
+    openings: &[Opening],
     parts: &[Part],
     share: impl Fn(&Part) -> f64,
     sum: &mut WindowLight,

@@ -223,7 +223,13 @@ impl<'a> EvenSampler<'a> {
         let most = self.view.lattice.period / NARROWEST;
         let possible = count.min(left).min(numbers::whole(most));
         let trial = if is_settled { 0 } else { patch.trial.max(1) + 1 };
-        let new = self.patch([patch.beamlet, patch.row], openings, possible, trial);
+        let place = [patch.beamlet, patch.row];
+        let mut new = self.patch(place, openings, possible, trial);
+        // Rays fill whole lines and gaps.
+        let over = new.count().saturating_sub(left);
+        if over > 0 {
+            new = self.patch(place, openings, possible.saturating_sub(over), trial);
+        }
         let is_no_gain = possible < count && possible <= patch.count();
         if is_no_gain || new.count() > left {
             return Next::Done;

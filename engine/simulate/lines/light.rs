@@ -1,11 +1,12 @@
 //! Light of lines: what windows record of the pieces of a line, for each mask step.
 
 use super::heights::{Draws, Judged};
-use super::line::{Beside, PER_BEND, PER_JUMP, Piece, Source, open_share};
+use super::line::{Neighbours, PER_BEND, PER_JUMP, Piece, Source, open_share};
 use super::window_light::{Values, WindowLight};
 use crate::sampling::{Landed, Opening, Response, ViewContext};
 use crate::trace::component_hash;
 use beamlet_core::numbers::{self, single};
+use beamlet_interface::FLAG_NOT_FINITE;
 use beamlet_interface::NO_LIGHT;
 use std::ops::Range;
 
@@ -121,7 +122,7 @@ impl<'a> Illumination<'a> {
     }
 
     /// The same by another response.
-    pub(super) fn by(&self, response: &'a Response) -> Self {
+    pub(super) fn with_response(&self, response: &'a Response) -> Self {
         Self { response, ..self.clone() }
     }
 
@@ -313,6 +314,10 @@ impl<'a> Illumination<'a> {
         if open <= 0.0 {
             return 0.0;
         }
+        if own.result.flags & FLAG_NOT_FINITE != 0 {
+            // Its light is lost.
+            return own.width() * f64::from(response.weight * open);
+        }
         let middle = single(own.middle());
         let landed = |depth: f32, displacement: f32| Landed {
             light: response.hardening.light(depth),
@@ -328,21 +333,28 @@ impl<'a> Illumination<'a> {
         };
         // Edges behind the first surface lie aside by as much as refraction moves the path.
         let aside = |it: &Piece| f64::from((it.result.slope_x * it.extent).abs()).min(own.width());
-        let is_ray = |it: &Piece| matches!(it.source, Source::Ray { .. });
-        let other = |it: &Piece| {
-            let light = change(it.result.optical_depth, it.result.displacement_x);
-            PER_JUMP * aside(own).max(aside(it)) * light
+        let is_ray = |it: &&Piece| matches!(it.source, Source::Ray { .. });
+        let of_bend = |displacement: f32| {
+            let bend = f64::from((displacement - own.result.displacement_x).abs());
+            own.width() * f64::from(of_own.light) * self.most_moved(bend)
         };
-        let others = beside.filter(|it| self.view.facets.is_exact && is_ray(it));
-        let others = others.filter(|it| it.interval != own.interval).map(other);
-        let same = match Beside::of(pieces, at).predict(own) {
-            Some(predicted) => {
-                let bend = f64::from((predicted - own.result.displacement_x).abs());
-                PER_BEND * own.width() * f64::from(of_own.light) * self.most_moved(bend)
+        let of_other = |it: &Piece| {
+            if it.interval == own.interval {
+                return if it.is_like(own) {
+                    0.0
+                } else {
+                    PER_JUMP * of_bend(it.result.displacement_x)
+                };
             }
+            let light = change(it.result.optical_depth, it.result.displacement_x);
+            let is_moved = self.view.facets.is_exact;
+            if is_moved { PER_JUMP * aside(own).max(aside(it)) * light } else { 0.0 }
+        };
+        let same = match Neighbours::of(pieces, at).predict(own) {
+            Some(predicted) => PER_BEND * of_bend(predicted),
             None => PER_JUMP * aside(own) * change(depth, displacement),
         };
-        let most = others.fold(same, f64::max);
+        let most = beside.filter(is_ray).map(of_other).fold(same, f64::max);
         most * f64::from(response.weight * open)
     }
 

@@ -2,7 +2,7 @@
 
 use crate::sampling::Opening;
 use beamlet_core::numbers::single;
-use beamlet_interface::RayResult;
+use beamlet_interface::{FLAG_NOT_FINITE, FLAG_REFLECTED, RayResult};
 use std::cmp::Ordering;
 
 /// Error of a jump of light at a random place of an interval over light and width, 1/√12: the standard deviation of the
@@ -99,6 +99,14 @@ impl Piece {
         self.result = RayResult { signature, crossings, ..*ray };
     }
 
+    /// True if its ray is of the same interval as another and took the same way: both pass or are reflected, and neither
+    /// draws normals.
+    pub(super) fn is_like(&self, other: &Self) -> bool {
+        let is_plain = self.result.flags & FLAG_NOT_FINITE == 0 && !self.draws;
+        let differ = (self.result.flags ^ other.result.flags) & FLAG_REFLECTED != 0;
+        is_plain && !differ && self.interval == other.interval
+    }
+
     /// Displacement of its ray along x at its middle, and the middle, m.
     fn place(&self) -> RayPlace {
         RayPlace { x: self.middle(), displacement: self.result.displacement_x.into() }
@@ -154,22 +162,21 @@ impl RayPlace {
     }
 }
 
-/// Rays beside a piece of the same interval of a line.
+/// Rays next to a piece that took the same way through the sample: pieces of its interval of a line, reflected ones apart.
 #[derive(Debug)]
-pub(super) struct Beside {
+pub(super) struct Neighbours {
     before: Option<RayPlace>,
     after: Option<RayPlace>,
     /// The ray after the next one, to the side that has rays, where only one side does.
     second: Option<RayPlace>,
 }
 
-impl Beside {
-    /// Those beside the piece at an index.
+impl Neighbours {
+    /// Those of the piece at an index.
     pub(super) fn of(pieces: &[Piece], at: usize) -> Self {
         let own = &pieces[at];
         let place = |at: Option<usize>| {
-            let it = pieces.get(at?)?;
-            (it.interval == own.interval && !it.draws).then(|| it.place())
+            Some(pieces.get(at?)?).filter(|it| it.is_like(own)).map(Piece::place)
         };
         let (before, after) = (place(at.checked_sub(1)), place(Some(at + 1)));
         let second = match (before, after) {
@@ -180,19 +187,23 @@ impl Beside {
         Self { before, after, second }
     }
 
-    /// Change of the displacement per x at the piece: the harmonic mean of those to either side, which no jump makes
-    /// steeper than twice the lesser; 0 at an extremum.
+    /// Change of the displacement per x at the piece: the harmonic mean of those from ray to ray to either side, or of the
+    /// next two to one side, which no jump makes steeper than twice the lesser; 0 at an extremum.
     fn slope(&self, own: &Piece) -> f64 {
         let own = own.place();
-        let [low, high] = [self.before, self.after].map(|it| it.map(|it| own.slope(&it)));
-        match (low, high) {
-            (Some(low), Some(high)) if low * high > 0.0 => 2.0 * low * high / (low + high),
-            (Some(_), Some(_)) | (None, None) => 0.0,
-            (Some(slope), None) | (None, Some(slope)) => slope,
-        }
+        let slopes = match (self.before, self.after, self.second) {
+            (Some(before), Some(after), _) => [own.slope(&before), own.slope(&after)],
+            (Some(next), None, Some(second)) | (None, Some(next), Some(second)) => {
+                [own.slope(&next), next.slope(&second)]
+            }
+            (Some(next), None, None) | (None, Some(next), None) => [own.slope(&next); 2],
+            (None, None, _) => return 0.0,
+        };
+        let [a, b] = slopes;
+        if a * b > 0.0 { 2.0 * a * b / (a + b) } else { 0.0 }
     }
 
-    /// Displacement of the ray of a piece by the rays beside it: on the straight line through two of them, or that of the
+    /// Displacement of the ray of a piece by its neighbours: on the straight line through two of them, or that of the
     /// only one.
     pub(super) fn predict(&self, own: &Piece) -> Option<f32> {
         let x = own.middle();
@@ -206,12 +217,12 @@ impl Beside {
     }
 }
 
-/// Gives pieces with rays the changes of the displacement that the rays beside them show.
+/// Gives pieces with rays the slope of the displacement that their neighbours show.
 pub(super) fn incline(pieces: &mut [Piece]) {
     let slopes: Vec<f64> =
-        (0..pieces.len()).map(|at| Beside::of(pieces, at).slope(&pieces[at])).collect();
+        (0..pieces.len()).map(|at| Neighbours::of(pieces, at).slope(&pieces[at])).collect();
     for (piece, slope) in pieces.iter_mut().zip(slopes) {
-        if matches!(piece.source, Source::Ray { .. }) && !piece.draws {
+        if matches!(piece.source, Source::Ray { .. }) && piece.is_like(piece) {
             let half = single(0.5 * slope * piece.width());
             let middle = piece.result.displacement_x;
             piece.displacement = [middle - half, middle + half];
@@ -229,7 +240,7 @@ pub(crate) fn open_share(openings: &[Opening], x: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    /// Pieces of 1 um of one interval with rays displaced by this function of x in um.
+    /// Pieces of 1 um of one interval with rays displaced by this function of x, um.
     fn pieces(displacement: impl Fn(f64) -> f64) -> Vec<Piece> {
         let of = |at: u32| Piece {
             x: [at, at + 1].map(|x| 1e-6 * f64::from(x)),
@@ -252,23 +263,38 @@ mod tests {
     fn pieces_follow_the_rays_beside_them_but_no_jump() {
         let mut straight = pieces(|x| 3.0 * x);
         incline(&mut straight);
-        let mut jump = pieces(|x| if x < 2.0 { 0.0 } else { 100.0 + x });
-        incline(&mut jump);
+        let mut jumps = [1.0, 2.0].map(|at| pieces(|x| if x < at { 0.0 } else { 100.0 + x }));
+        jumps.iter_mut().for_each(|it| incline(it));
         for at in 0..5 {
             let rise = straight[at].displacement.map(f64::from);
             assert!((rise[1] - rise[0] - 3.0).abs() < 1e-5, "{rise:?}");
-            let predicted = Beside::of(&straight, at).predict(&straight[at]);
+            let predicted = Neighbours::of(&straight, at).predict(&straight[at]);
             let off = predicted.map(|it| it - straight[at].result.displacement_x);
             assert!(off.is_some_and(|it| it.abs() < 1e-5), "{off:?}");
-            let rise = jump[at].displacement.map(f64::from);
-            assert!((0.0..2.1).contains(&(rise[1] - rise[0])), "{rise:?}");
+            for jump in &jumps {
+                let rise = jump[at].displacement.map(f64::from);
+                assert!((0.0..2.1).contains(&(rise[1] - rise[0])), "{rise:?}");
+            }
         }
         // The middle of three rays of a parabola lies below the line through the others.
         let bent = pieces(|x| x * x);
-        let predicted = Beside::of(&bent, 2).predict(&bent[2]);
+        let predicted = Neighbours::of(&bent, 2).predict(&bent[2]);
         assert!(predicted.is_some_and(|it| (it - 7.25).abs() < 1e-5), "{predicted:?}");
         // At an end the line through the next two.
-        let predicted = Beside::of(&bent, 4).predict(&bent[4]);
+        let predicted = Neighbours::of(&bent, 4).predict(&bent[4]);
         assert!(predicted.is_some_and(|it| (it - 18.25).abs() < 1e-5), "{predicted:?}");
+    }
+    #[test]
+    fn rays_that_are_reflected_or_lost_are_no_neighbours() {
+        for flag in [FLAG_REFLECTED, FLAG_NOT_FINITE] {
+            let mut pieces = pieces(|x| 3.0 * x);
+            pieces[0].result.flags = flag;
+            pieces[0].result.displacement_x = f32::NAN;
+            incline(&mut pieces);
+            for piece in &pieces[1..] {
+                let rise = f64::from(piece.displacement[1] - piece.displacement[0]);
+                assert!((rise - 3.0).abs() < 1e-5, "{piece:?}");
+            }
+        }
     }
 }

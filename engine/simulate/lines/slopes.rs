@@ -15,13 +15,13 @@ pub(crate) struct Slopes {
     pub(crate) tilt: f32,
 }
 
-/// A line beside another one, whose pieces are looked at from left to right.
-struct Beside<'a> {
+/// A line next to another one, and its pieces from a place on, which moves from left to right.
+struct NeighbourLine<'a> {
     z: f64,
     pieces: &'a [Piece],
 }
 
-impl<'a> Beside<'a> {
+impl<'a> NeighbourLine<'a> {
     /// The piece behind the middle of another, if its rays cross the same surfaces.
     fn like(&mut self, other: &Piece) -> Option<&'a Piece> {
         let x = other.middle();
@@ -41,7 +41,7 @@ impl LinePatch {
         let (z, ends) = (self.heights.z(number), self.heights.nearest(number));
         let beside = |number: usize| {
             let line = self.heights.line(number)?;
-            Some(Beside { z: self.heights.z(number), pieces: &line.pieces })
+            Some(NeighbourLine { z: self.heights.z(number), pieces: &line.pieces })
         };
         let mut beside = [number.checked_sub(1).and_then(beside), beside(number + 1)];
         let of_piece = |own: &Piece| {

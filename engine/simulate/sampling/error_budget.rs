@@ -3,8 +3,8 @@
 use beamlet_core::numbers;
 use beamlet_core::tally::Tally;
 
-/// Fraction of the budget that lines aim at for the worst mask step, and that an estimated error by waves may take; with it silhouettes hold 1e-4 with uneven
-/// steps (`values_are_within_the_tolerance_of_much_finer_stacks`).
+/// Fraction of the budget that lines aim at for the worst mask step, and that an estimated error by waves may take; with it
+/// silhouettes hold 1e-4 with uneven steps (`values_are_within_the_tolerance_of_much_finer_stacks`).
 pub(crate) const SAFETY: f64 = 0.45;
 /// The same with a single step, where the root mean square should be a third of the budget
 /// (`tight_tolerances_hold_without_a_sample_mask`).

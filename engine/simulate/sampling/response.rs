@@ -120,7 +120,7 @@ impl Response {
             weight: single(detector.distance / (lattice.plane * detector.pitch[0])),
         };
         let leaks = [leak, window_leak];
-        response.strips = StripResponses::new(optics, &response, list, (soft, leaks));
+        response.strips = StripResponses::new(optics, &response, list, soft, leaks);
         response
     }
 

@@ -73,7 +73,7 @@ impl RowSpread {
 }
 
 /// The normal distribution function.
-fn normal_share(t: f64) -> f64 {
+pub(super) fn normal_share(t: f64) -> f64 {
     0.5 * libm::erfc(-t / SQRT_2)
 }
 

@@ -3,11 +3,11 @@
 //! strips and reach a row.
 
 use super::response::{Opening, Response, openings_of_steps};
+use super::row_spread::normal_share;
 use super::windows::Windows;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::NO_LIGHT;
 use beamlet_model::optics::{Mask, Optics, Strips};
-use std::f64::consts::FRAC_1_SQRT_2;
 use std::ops::Range;
 
 /// Strips of a round aperture: an audit weighs differences of light by them, and they keep the area of the aperture
@@ -53,6 +53,22 @@ struct Edges {
     ends: [f64; 2],
     /// Rows.
     period: f64,
+}
+
+/// Strips of both masks that light passes.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct StripPair<'a> {
+    pub(crate) sample: &'a SampleStrip,
+    pub(crate) detector: &'a DetectorStrip,
+}
+
+/// Light on its way to the detector.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fall {
+    /// Row coordinate where it lands undisplaced.
+    pub(crate) row: f64,
+    /// Displacement, rows downwards.
+    pub(crate) down: f64,
 }
 
 /// Displacement of rays by a part of the focal spot, rows downwards.
@@ -116,7 +132,8 @@ impl StripResponses {
         optics: &Optics,
         whole: &Response,
         list: usize,
-        (soft, leaks): (f64, [f32; 2]),
+        soft: f64,
+        leaks: [f32; 2],
     ) -> Option<Self> {
         if !optics.has_heights() {
             return None;
@@ -140,7 +157,7 @@ impl StripResponses {
                     share: leaks[0].into(),
                     openings: (0..numbers::count(offsets.len())).map(open).collect(),
                 };
-                let all = edges(optics, &strips, optics.cell_plane).map(strip);
+                let all = edges(optics, &strips, optics.cell_plane).into_iter().map(strip);
                 all.chain((leaks[0] > 0.0).then_some(bars)).collect()
             }
             _ => vec![SampleStrip { edges: None, share: 1.0, openings: whole.openings.clone() }],
@@ -160,14 +177,12 @@ impl StripResponses {
                     behind(Some(edges), vec![windows])
                 };
                 let bars = whole.windows.last().filter(|_| leaks[1] > 0.0);
-                let bars = bars.map(|pixels| behind(None, vec![pixels.sharing(leaks[1])]));
-                edges(optics, &strips, optics.analyser).map(strip).chain(bars).collect()
+                let bars = bars.map(|pixels| behind(None, vec![pixels.with_share(leaks[1])]));
+                edges(optics, &strips, optics.analyser).into_iter().map(strip).chain(bars).collect()
             }
             None => vec![behind(None, whole.windows.clone())],
         };
-        let rows =
-            |plane: f64| optics.detector.row_at(0.0, plane) - optics.detector.row_at(1.0, plane);
-        let down = optics.sample_mask.as_ref().map_or(0.0, |mask| -rows(mask.distance()));
+        let down = optics.sample_mask.as_ref().map_or(0.0, |mask| -rows(optics, mask.distance()));
         let lists_z = &optics.offsets.lists_z()[list];
         let at_step = |step: usize| lists_z.get(step).map_or(0.0, |offset| offset * down);
         let axis = optics.analyser - optics.lever_arm;
@@ -182,13 +197,19 @@ impl StripResponses {
         })
     }
 
-    /// Share of the light at a row coordinate that passes two strips at a mask step and lands in some rows, moved down by
-    /// `down` rows.
+    /// Farthest that a part of the focal spot takes light on the detector, rows.
+    pub(crate) fn reach(&self) -> f64 {
+        let of =
+            |spot: &Spot| spot.at_detector.mean.abs() + NO_LIGHT * spot.at_detector.deviation.abs();
+        self.spots.iter().map(of).fold(0.0, f64::max)
+    }
+
+    /// Share of light that passes two strips at a mask step and lands in some rows.
     pub(crate) fn share(
         &self,
-        (sample, detector): (&SampleStrip, &DetectorStrip),
+        StripPair { sample, detector }: StripPair<'_>,
         step: usize,
-        [row, down]: [f64; 2],
+        Fall { row, down }: Fall,
         rows: &Range<i64>,
     ) -> f64 {
         let of_spot = |spot: &Spot| {
@@ -200,7 +221,7 @@ impl StripResponses {
             let of_pair = |a: &[f64; 2], b: &[f64; 2]| {
                 let low = lands[0].max(a[0]).max(b[0]);
                 let high = lands[1].min(a[1]).min(b[1]);
-                if high > low { normal_below(high) - normal_below(low) } else { 0.0 }
+                if high > low { normal_share(high) - normal_share(low) } else { 0.0 }
             };
             let pairs = before.iter().flat_map(|a| behind.iter().map(move |b| of_pair(a, b)));
             spot.share * pairs.sum::<f64>()
@@ -214,18 +235,22 @@ fn edges<'a>(
     optics: &Optics,
     strips: &'a Strips,
     plane: f64,
-) -> impl Iterator<Item = (&'a beamlet_model::scene::Strip, Edges)> {
+) -> Vec<(&'a beamlet_model::scene::Strip, Edges)> {
     let at = |z: f64| optics.detector.row_at(strips.centre + z, plane);
     let period = at(0.0) - at(strips.period);
     let of = |strip: &'a beamlet_model::scene::Strip| {
         (strip, Edges { ends: [at(strip.z[1]), at(strip.z[0])], period })
     };
-    strips.strips.iter().map(of).collect::<Vec<_>>().into_iter()
+    strips.strips.iter().map(of).collect()
+}
+
+/// Rows downwards by which light that is moved by 1 m along z in a plane lands aside.
+fn rows(optics: &Optics, plane: f64) -> f64 {
+    optics.detector.row_at(0.0, plane) - optics.detector.row_at(1.0, plane)
 }
 
 fn spots(optics: &Optics) -> Vec<Spot> {
-    let rows = |plane: f64| optics.detector.row_at(0.0, plane) - optics.detector.row_at(1.0, plane);
-    let at = |plane: f64| rows(plane) * (plane / optics.rotation - 1.0);
+    let at = |plane: f64| rows(optics, plane) * (plane / optics.rotation - 1.0);
     let spot = |part: &beamlet_model::spot::PlacedPart| {
         let shift = |scale: f64| Shift {
             mean: scale * part.offset[1],
@@ -239,9 +264,4 @@ fn spots(optics: &Optics) -> Vec<Spot> {
         }
     };
     optics.spot.placed().iter().map(spot).collect()
-}
-
-/// Share of a normal distribution below a value.
-fn normal_below(value: f64) -> f64 {
-    0.5 * libm::erfc(-value * FRAC_1_SQRT_2)
 }

@@ -84,7 +84,7 @@ impl Windows {
     }
 
     /// These windows with another share of the light.
-    pub(super) fn sharing(&self, share: f32) -> Self {
+    pub(super) fn with_share(&self, share: f32) -> Self {
         Self { share, ..self.clone() }
     }
 
