@@ -25,7 +25,6 @@ use beamlet_core::parallel::start_threads;
 use beamlet_core::watch::{LoadStep, Task, Watch, Watcher, watched};
 use beamlet_core::{numbers, reserve};
 use beamlet_model::scene::{Instances, Mesh, Normals, Object, Placement, Scene, ShapeOrMesh};
-use beamlet_packing::InstanceTransform;
 
 /// Normals of a rough surface lean by this many standard deviations of its slopes at most, about.
 const ROUGH_LEANS: f64 = 6.0;

@@ -18,12 +18,21 @@ const DAMPING: f64 = 1e-3;
 const OUTLIER: f64 = 10.0;
 /// Standard deviations of chi squared above its mean from which on residuals are no noise.
 const SIGNIFICANT: f64 = 6.0;
-/// Least change that counts: of the dose, and of an offset in widths of the curve. In pixels with a sample
-/// a Gaussian leaves other residuals than in the flat, up to this share of the height.
-pub(super) const STEADY: f64 = 1e-2;
+/// Least changes that count.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Steady {
+    /// Of the dose, part of it.
+    dose: f64,
+    /// Of an offset, widths of the curve.
+    offset: f64,
+}
+
+/// Least changes in pixels with a sample, where a Gaussian leaves other residuals than in the flat, up to this share of the
+/// height.
+pub(super) const STEADY: Steady = Steady { dose: 1e-2, offset: 1e-2 };
 /// The same in pixels whose curve lies as in the flat, where a Gaussian leaves nearly the same residuals: a
-/// sound scan of masks with a fringe has up to 2e-3.
-pub(super) const STEADY_IN_AIR: f64 = 3e-3;
+/// sound scan of masks with a fringe has up to 2e-3, and one of 40 with noise has offsets above 3e-3.
+pub(super) const STEADY_IN_AIR: Steady = Steady { dose: 3e-3, offset: 5e-3 };
 /// Bias of fits of counts, in relative variances of the highest value, at most.
 const BIAS: f64 = 2.0;
 /// Fewest pixels that decide.
@@ -109,7 +118,7 @@ impl PixelSteps {
 
 /// Changes of dose or offsets from step to step; `None` where there are none beyond noise and `least`. `freedom`: steps
 /// less unknowns of a fit.
-pub(super) fn unsteady(pixels: &[&PixelSteps], least: f64, freedom: usize) -> Option<Unsteady> {
+pub(super) fn unsteady(pixels: &[&PixelSteps], least: Steady, freedom: usize) -> Option<Unsteady> {
     let steps = pixels.first()?.residuals.len();
     let none = vec![0.0; steps];
     let squares: Vec<f64> = pixels.iter().map(|p| p.squares([&none, &none])).collect();
@@ -132,8 +141,9 @@ pub(super) fn unsteady(pixels: &[&PixelSteps], least: f64, freedom: usize) -> Op
     let [dose, x, z] = [0, 1, 2].map(|kind| solutions.get(kind).map_or(0.0, |it| it.size(noise)));
     let middle = |of: fn(&PixelSteps) -> f64| median(near.iter().map(|pixel| of(pixel)).collect());
     let variance = noise * middle(|pixel| pixel.variance)? / middle(|pixel| pixel.share)?;
-    let least = least.max(BIAS * variance);
-    let is_unsteady = [dose, x, z].into_iter().any(|size| size > least);
+    let beyond = |size: f64, least: f64| size > least.max(BIAS * variance);
+    let is_unsteady =
+        beyond(dose, least.dose) || beyond(x, least.offset) || beyond(z, least.offset);
     is_unsteady.then_some(Unsteady { dose, offsets: [x, z] })
 }
 
