@@ -38,7 +38,7 @@ impl Errors {
     }
 }
 
-/// Errors of a seed; nothing where those of patches are not those of pixels, since a detector that blurs mixes these.
+/// Errors of a seed; `None` for detectors that blur, whose pixels mix the errors of patches.
 fn errors(seed: u64) -> Option<Errors> {
     let scene = case(seed).scene;
     if scene.detector.blur.is_some() {

@@ -6,8 +6,7 @@ use super::window_light::{Values, WindowLight};
 use crate::sampling::{Landed, Opening, Response, ViewContext};
 use crate::trace::component_hash;
 use beamlet_core::numbers::{self, single};
-use beamlet_interface::FLAG_NOT_FINITE;
-use beamlet_interface::NO_LIGHT;
+use beamlet_interface::{FLAG_NOT_FINITE, NO_LIGHT, RayResult};
 use std::ops::Range;
 
 /// Part of the light that materials spread: all parts of a piece move alike, so that pieces add up to the light of a
@@ -339,16 +338,15 @@ impl<'a> Illumination<'a> {
             own.width() * f64::from(of_own.light) * self.most_moved(bend)
         };
         let of_other = |it: &Piece| {
-            if it.interval == own.interval {
-                return if it.is_like(own) {
-                    0.0
-                } else {
-                    PER_JUMP * of_bend(it.result.displacement_x)
-                };
+            let RayResult { optical_depth, displacement_x, .. } = it.result;
+            match it.interval == own.interval {
+                true if it.is_like(own) => 0.0,
+                true => PER_JUMP * of_bend(displacement_x),
+                false if self.view.facets.is_exact => {
+                    PER_JUMP * aside(own).max(aside(it)) * change(optical_depth, displacement_x)
+                }
+                false => 0.0,
             }
-            let light = change(it.result.optical_depth, it.result.displacement_x);
-            let is_moved = self.view.facets.is_exact;
-            if is_moved { PER_JUMP * aside(own).max(aside(it)) * light } else { 0.0 }
         };
         let same = match Neighbours::of(pieces, at).predict(own) {
             Some(predicted) => PER_BEND * of_bend(predicted),
@@ -361,7 +359,7 @@ impl<'a> Illumination<'a> {
     /// Most of the light that windows may lose or gain by an error of the displacement at the mean constants, m, share of
     /// it: at other energies it grows with the square of the refraction, as the second order does.
     fn most_moved(&self, displacement: f64) -> f64 {
-        let response = self.view.response;
+        let response = self.response;
         let [shares, ratios] = response.hardening.refraction().map(|it| it.map(f64::from));
         let moved = |ratio: f64| (displacement * ratio * ratio * response.steepest()).min(1.0);
         shares.into_iter().zip(ratios).map(|(share, ratio)| share * moved(ratio)).sum()

@@ -102,9 +102,13 @@ impl Piece {
     /// True if its ray is of the same interval as another and took the same way: both pass or are reflected, and neither
     /// draws normals.
     pub(super) fn is_like(&self, other: &Self) -> bool {
-        let is_plain = self.result.flags & FLAG_NOT_FINITE == 0 && !self.draws;
         let differ = (self.result.flags ^ other.result.flags) & FLAG_REFLECTED != 0;
-        is_plain && !differ && self.interval == other.interval
+        self.is_plain() && !differ && self.interval == other.interval
+    }
+
+    /// True if its ray is finite and draws no normals.
+    fn is_plain(&self) -> bool {
+        self.result.flags & FLAG_NOT_FINITE == 0 && !self.draws
     }
 
     /// Displacement of its ray along x at its middle, and the middle, m.
@@ -219,13 +223,13 @@ impl Neighbours {
 
 /// Gives pieces with rays the slope of the displacement that their neighbours show.
 pub(super) fn incline(pieces: &mut [Piece]) {
-    let slopes: Vec<f64> =
-        (0..pieces.len()).map(|at| Neighbours::of(pieces, at).slope(&pieces[at])).collect();
-    for (piece, slope) in pieces.iter_mut().zip(slopes) {
-        if matches!(piece.source, Source::Ray { .. }) && piece.is_like(piece) {
+    for at in 0..pieces.len() {
+        let piece = &pieces[at];
+        if matches!(piece.source, Source::Ray { .. }) && piece.is_plain() {
+            let slope = Neighbours::of(pieces, at).slope(piece);
             let half = single(0.5 * slope * piece.width());
             let middle = piece.result.displacement_x;
-            piece.displacement = [middle - half, middle + half];
+            pieces[at].displacement = [middle - half, middle + half];
         }
     }
 }

@@ -75,7 +75,7 @@ pub(crate) struct Fall {
 #[derive(Debug, Clone, Copy)]
 struct Shift {
     mean: f64,
-    /// By a standard deviation of the part.
+    /// Displacement by a standard deviation of the part.
     deviation: f64,
 }
 

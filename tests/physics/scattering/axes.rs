@@ -4,13 +4,13 @@
 //! turn of the axis from z; one that comes along it sees a alone.
 
 use super::light::{OFFSETS, TOLERANCE, compare};
-use super::{Medium, SET_UP, add, disc, empty, middle, plate};
+use super::{Medium, SET_UP, add, disc, empty, middle, plate, truth_of};
 use crate::reference::scattering::Axis;
 use crate::support::{Worst, backends, engine, sample};
 use beamlet::internals::trace::{Ray, trace};
-use beamlet::reconstruct::{GridChoice, Quantity, ScanGeometry};
+use beamlet::reconstruct::Quantity;
 use beamlet::scene::{Instances, MaterialSpec, RandomRays, Scattering, Scene, Scheme, Transport};
-use beamlet::{Backend, Cancel, IdealOptions, RowsControl, ideal};
+use beamlet::{Backend, IdealOptions, RowsControl, ideal};
 use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, FRAC_PI_6};
 use std::fs;
 
@@ -255,10 +255,7 @@ fn ideal_images_and_truth_have_the_variances_of_fibres() {
     scene.scan.angles = (0..8).map(|k| f64::from(k) * std::f64::consts::PI / 8.0).collect();
     add_with_axis(&mut scene, &disc([0.0, 0.0], 1e-3, 20.0, 0.0), [0.0, 0.0, 2.0], None);
     add_with_axis(&mut scene, &disc([0.3e-3, 0.0], 0.4e-3, 0.0, 0.0), [1.0, 0.0, 0.0], None);
-    let geometry = ScanGeometry::of_scene(&scene);
-    let grid = GridChoice::default().grid(&geometry).expect("a grid");
-    let truth =
-        beamlet::truth(&engine, &scene, &geometry, &grid, &Cancel::default()).expect("a truth");
+    let truth = truth_of(&engine, &scene);
     let values = truth.values(Quantity::DarkField).expect("media scatter");
     for (label, value) in truth.labels().iter().zip(&values) {
         match label {

@@ -1,11 +1,11 @@
 //! Contrasts behind media: what a retrieval finds, ideal images, the truth of a reconstruction.
 
-use super::{Medium, SET_UP, add, disc, empty, middle, plate, wedge};
+use super::{Medium, SET_UP, add, disc, empty, middle, plate, truth_of, wedge};
 use crate::support::{Worst, engine};
-use beamlet::reconstruct::{GridChoice, Quantity, ScanGeometry};
+use beamlet::reconstruct::Quantity;
 use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
 use beamlet::scene::{MaterialSpec, Scene};
-use beamlet::{Backend, Cancel, IdealOptions, RowsControl, ideal};
+use beamlet::{Backend, IdealOptions, RowsControl, ideal};
 use ndarray::Axis;
 use std::collections::BTreeMap;
 
@@ -87,10 +87,7 @@ fn the_truth_of_a_dark_field_is_the_scattering_of_each_voxel() {
     add(&mut scene, &disc([0.0, 0.0], 1e-3, 20.0, 2e-7), None);
     add(&mut scene, &disc([0.3e-3, 0.0], 0.4e-3, 0.0, 5e-8), None);
     let engine = engine(Backend::Bvh);
-    let geometry = ScanGeometry::of_scene(&scene);
-    let grid = GridChoice::default().grid(&geometry).expect("a grid");
-    let truth =
-        beamlet::truth(&engine, &scene, &geometry, &grid, &Cancel::default()).expect("a truth");
+    let truth = truth_of(&engine, &scene);
     let values = truth.values(Quantity::DarkField).expect("media scatter");
     for (label, value) in truth.labels().iter().zip(&values) {
         let expected: f32 = [0.0, 2e-7, 5e-8][usize::from(*label)];
@@ -98,7 +95,5 @@ fn the_truth_of_a_dark_field_is_the_scattering_of_each_voxel() {
     }
     assert!([0, 1, 2].iter().all(|label| truth.labels().iter().any(|it| it == label)));
     scene.scattering.clear();
-    let truth =
-        beamlet::truth(&engine, &scene, &geometry, &grid, &Cancel::default()).expect("a truth");
-    assert!(truth.values(Quantity::DarkField).is_none());
+    assert!(truth_of(&engine, &scene).values(Quantity::DarkField).is_none());
 }

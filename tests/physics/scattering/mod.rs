@@ -11,7 +11,9 @@ mod transports;
 
 use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::scattering::{Medium, Section, SetUp};
+use beamlet::reconstruct::{GridChoice, ScanGeometry, Truth};
 use beamlet::scene::{MaterialSpec, Object, Scattering, Scene, Shape};
+use beamlet::{Cancel, Engine};
 
 const PITCH: f64 = 150e-6;
 const SET_UP: SetUp = SetUp {
@@ -34,6 +36,13 @@ fn empty(columns: u32, offsets: &str) -> Scene {
          [scan]\nmask_offsets = {offsets}\n[sampling]\ntolerance = 1e-5\n"
     );
     Scene::from_toml(&text, ".").expect("a scene")
+}
+
+/// The true values of the voxels of a scene.
+fn truth_of(engine: &Engine, scene: &Scene) -> Truth {
+    let geometry = ScanGeometry::of_scene(scene);
+    let grid = GridChoice::default().grid(&geometry).expect("a grid");
+    beamlet::truth(engine, scene, &geometry, &grid, &Cancel::default()).expect("a truth")
 }
 
 /// Adds a medium as an object of a material of its own, whose discs are exact or of facets.

@@ -21,9 +21,9 @@ const SIGNIFICANT: f64 = 6.0;
 /// Least changes that count.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Steady {
-    /// Of the dose, part of it.
+    /// Least change of the dose, part of it.
     dose: f64,
-    /// Of an offset, widths of the curve.
+    /// Least offset, widths of the curve.
     offset: f64,
 }
 

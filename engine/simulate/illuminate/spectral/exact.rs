@@ -52,7 +52,7 @@ impl Repeated {
         };
         for (node, results) in self.nodes.iter().zip(results) {
             if let Some(result) = node.at(cell) {
-                *results = binning.exact_result(result).between(results);
+                *results = binning.exact_result(result).with_change_of(results);
             }
         }
     }

@@ -13,8 +13,8 @@ pub(super) struct NodeResult {
 }
 
 impl NodeResult {
-    /// Results at both ends of a cell with this one in its middle and the change over it of others.
-    pub(super) fn between(self, ends: &[Self; 2]) -> [Self; 2] {
+    /// Results at both ends of a cell with this one in its middle and the change of depth and displacement of others.
+    pub(super) fn with_change_of(self, ends: &[Self; 2]) -> [Self; 2] {
         let [low, high] = ends;
         let [depth, x] = [high.depth - low.depth, high.x - low.x].map(|change| 0.5 * change);
         [-1.0, 1.0].map(|side| Self {
