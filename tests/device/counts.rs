@@ -34,7 +34,7 @@ material = "water"
 "#;
 
 /// Rays of a batch.
-const BATCH: u32 = 2048;
+const BATCH: u32 = 512;
 
 /// Parallel rays across all bodies.
 fn rays(count: u32) -> Vec<Ray> {

@@ -31,11 +31,19 @@ delta = 2.4e-7
 "#
 );
 
+/// Keys that end the scene with few lines and rays in a view.
+const FEW_RAYS: &str = "[sampling]\ntolerance = 1e-2\nangle_tolerance = \"1 urad\"\n";
+
 /// A temporary directory and the scene in it.
 fn workplace() -> (tempfile::TempDir, Scene) {
+    workplace_with("")
+}
+
+/// The same; `more`: keys that end the scene.
+fn workplace_with(more: &str) -> (tempfile::TempDir, Scene) {
     let place = tempfile::tempdir().unwrap();
     let path = place.path().join("scene.toml");
-    fs::write(&path, SCENE).unwrap();
+    fs::write(&path, [SCENE, more].concat()).unwrap();
     let scene = Scene::load(&path).unwrap();
     (place, scene)
 }
@@ -107,10 +115,11 @@ impl Stages {
     }
 }
 
-/// Lets the calls of one kind fail at their 1st, 2nd, 4th, ... and last time, with each answer in
-/// turn.
-fn fail_at_every_stage(call: FaultyCall, answers: &[FaultAnswer]) -> Stages {
-    let (place, scene) = workplace();
+/// Lets the calls of one kind fail at their 1st, 4th, 16th, ... and last time, with each answer in
+/// turn. Of submissions and waits, which are many and alike, it is one of the last eighth. `more`: keys that
+/// end the scene.
+fn fail_at_every_stage(call: FaultyCall, answers: &[FaultAnswer], more: &str) -> Stages {
+    let (place, scene) = workplace_with(more);
     let whole = place.path().join("whole");
     run(&scene, &mut RunDirectory::create(&whole, Format::Npy, false).unwrap(), &[]).unwrap();
     let mut stages = Stages::default();
@@ -122,9 +131,11 @@ fn fail_at_every_stage(call: FaultyCall, answers: &[FaultAnswer]) -> Stages {
     let (mut last, mut beyond) = (0, 1);
     while fails(beyond) {
         assert!(beyond < 1 << 32, "{call:?} has no end");
-        (last, beyond) = (beyond, 2 * beyond);
+        (last, beyond) = (beyond, 4 * beyond);
     }
-    while beyond - last > 1 {
+    let alike = matches!(call, FaultyCall::Submit | FaultyCall::Wait);
+    let near = |last: u64| if alike { 1 + last / 8 } else { 1 };
+    while beyond - last > near(last) {
         let middle = u64::midpoint(last, beyond);
         *(if fails(middle) { &mut last } else { &mut beyond }) = middle;
     }
@@ -134,7 +145,8 @@ fn fail_at_every_stage(call: FaultyCall, answers: &[FaultAnswer]) -> Stages {
 
 #[test]
 fn memory_that_runs_out_is_told_and_leaves_committed_views() {
-    let stages = fail_at_every_stage(FaultyCall::Allocate, &[OutOfDeviceMemory, OutOfHostMemory]);
+    let answers = [OutOfDeviceMemory, OutOfHostMemory];
+    let stages = fail_at_every_stage(FaultyCall::Allocate, &answers, FEW_RAYS);
     // All memory of the device is there before the first view is committed.
     assert!(stages.nothing > 0 && stages.no_view > 0 && stages.views == 0, "{stages:?}");
 }
@@ -142,21 +154,22 @@ fn memory_that_runs_out_is_told_and_leaves_committed_views() {
 #[test]
 fn a_kernel_that_cannot_be_made_is_told_and_leaves_committed_views() {
     // The last kernel, "illuminate far", is made where light first needs it: after a view here.
-    let stages = fail_at_every_stage(FaultyCall::MakeKernel, &[OutOfHostMemory, OutOfDeviceMemory]);
+    let answers = [OutOfHostMemory, OutOfDeviceMemory];
+    let stages = fail_at_every_stage(FaultyCall::MakeKernel, &answers, "");
     assert!(stages.nothing > 0 && stages.views > 0, "{stages:?}");
 }
 
 #[test]
 fn work_that_is_refused_leaves_committed_views() {
     let answers = [DeviceLost, OutOfDeviceMemory, OutOfHostMemory];
-    let stages = fail_at_every_stage(FaultyCall::Submit, &answers);
+    let stages = fail_at_every_stage(FaultyCall::Submit, &answers, FEW_RAYS);
     assert!(stages.views > 0, "{stages:?}");
 }
 
 #[test]
 fn a_device_that_is_lost_or_hangs_leaves_committed_views() {
     let answers = [Timeout, DeviceLost, OutOfHostMemory];
-    let stages = fail_at_every_stage(FaultyCall::Wait, &answers);
+    let stages = fail_at_every_stage(FaultyCall::Wait, &answers, FEW_RAYS);
     assert!(stages.views > 0, "{stages:?}");
 }
 

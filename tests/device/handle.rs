@@ -135,14 +135,14 @@ fn a_later_view_makes_no_buffer() {
         Engine::open(&options().with_profile(true).with_staging(true)).expect("a Vulkan device");
     // A round of rays for each level of heights and of pieces near rims (100 on a quiet device), and the light of cells.
     let each = |_| {
-        let [four, nine] = [4, 9].map(|views| traffic(&engine, views));
+        let [two, five] = [2, 5].map(|views| traffic(&engine, views));
         // The first run makes buffers for transfers.
-        assert!(nine.buffers <= four.buffers, "{four:?} {nine:?}");
-        nine.submissions.saturating_sub(four.submissions) / 5
+        assert!(five.buffers <= two.buffers, "{two:?} {five:?}");
+        five.submissions.saturating_sub(two.submissions) / 3
     };
-    // Where other programs slow the device, work is given to it in smaller parts.
-    let least = (0..2).map(each).min().expect("two attempts");
-    assert!(0 < least && least <= 120, "{least} submissions of a view");
+    // Where other programs slow the device, work is given to it in smaller parts: three attempts.
+    let is_few = |submissions: u64| 0 < submissions && submissions <= 120;
+    assert!((0..3).map(each).any(is_few), "more submissions of a view than it has rounds");
 }
 
 /// A fork has no threads, and the device of its parent: it gets an error and ends; the parent goes on.

@@ -88,7 +88,8 @@ fn light_of_random_rays_is_shared_among_invocations() {
         let (other, _) = simulated(batches, &random(1000, &offsets), "random_light");
         assert!(other.sample == all.sample && other.flat == all.flat, "{rays} rays of a batch");
     }
-    for step in [0, 7, 8, 18] {
+    // The first step of the second invocation, and the last one of all.
+    for step in [8, 18] {
         let (alone, _) = of_engine(&engine, &random(1000, &offsets[step..=step]), "random_light");
         for ((view, _, row, column), got) in alone.sample.indexed_iter() {
             assert_eq!(got.to_bits(), all.sample[[view, step, row, column]].to_bits(), "{step}");

@@ -99,6 +99,15 @@ proptest! {
             closed(&sample);
         }
     }
+}
+
+proptest! {
+    // Each case loads three samples.
+    #![proptest_config(ProptestConfig {
+        cases: ProptestConfig::default().cases.max(600),
+        failure_persistence: None,
+        ..ProptestConfig::default()
+    })]
 
     /// Crossing within one object is found by other code than crossing between two.
     #[test]

@@ -18,7 +18,7 @@ fn light_crosses_row_borders_by_its_own_deflection() {
     scene.objects.push(ball);
     let mut case = Case { scene, places: vec![Vec::new()], roughness: vec![0.0] };
     let coarse = run(&case, Backend::Bvh).expect("a run");
-    case.scene.sampling.tolerance = Some(1e-5);
+    case.scene.sampling.tolerance = Some(3e-5);
     let fine = run(&case, Backend::Bvh).expect("a run");
     // 1e-3 is promised of pixels that a silhouette crosses; 1.3e-2 where light crosses a border as far
     // as it is bent in the middle of its rectangle.

@@ -162,7 +162,7 @@ fn bars_of_every_width_match_exact_box_paths() {
         [99e-6, 1e-6],
     ];
     let engine = engine(Backend::Bvh);
-    for case in sample(cases(&bars), 23) {
+    for case in sample(cases(&bars), 67) {
         let setup = case.setup();
         compare_columns(&engine, &setup, PLACES, &steps(47e-6, 5), |column, off, place| {
             worst.at(&setup, column).take(off, || format!("{case:?}, {}", place()));
@@ -244,7 +244,7 @@ fn shadows_of_more_than_a_period_match_exact_box_paths() {
             all.extend(fine.as_flattened().iter().map(|fine| (case, *fine)));
         }
     }
-    for (case, (fine, (period, aperture))) in sample(all, 11) {
+    for (case, (fine, (period, aperture))) in sample(all, 23) {
         let mut setup = case.setup();
         let masks = [&mut setup.sample_mask, &mut setup.detector_mask];
         let Some(mask) = masks.into_iter().nth(fine).and_then(Option::as_mut) else {
@@ -285,7 +285,7 @@ fn two_apertures_in_a_pixel_match_exact_box_paths() {
         "bars, two apertures in a pixel, others",
     );
     let engine = engine(Backend::Bvh);
-    for case in sample(cases(&[[2e-6, 30e-6], [2e-6, 2e-6], [15e-6, 25e-6]]), 13) {
+    for case in sample(cases(&[[2e-6, 30e-6], [2e-6, 2e-6], [15e-6, 25e-6]]), 29) {
         let mut setup = case.setup();
         let mask = setup.sample_mask.as_mut().expect("a sample mask");
         (mask.period, mask.origin) = (50e-6, 25e-6);
@@ -392,7 +392,7 @@ fn bars_under_a_spectrum_match_exact_box_paths() {
             all.push((case(30e-6), Light::Tube(4)));
         }
     }
-    for (case, light) in sample(all, 11) {
+    for (case, light) in sample(all, 19) {
         compare_energies(&engine, &case, (light, "gold"), &mut worst);
     }
     worst.holds();
@@ -418,7 +418,7 @@ fn bars_of_light_materials_under_a_spectrum_are_boxes() {
             all.push((case, Light::Two, bars_of));
         }
     }
-    for (case, light, bars_of) in sample(all, 11) {
+    for (case, light, bars_of) in sample(all, 17) {
         compare_energies(&engine, &case, (light, bars_of), &mut worst);
     }
     worst.holds();

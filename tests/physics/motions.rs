@@ -6,7 +6,7 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, prism, star};
-use crate::support::{CARBON, WATER, Worst, amount, backends, engine, sample};
+use crate::support::{CARBON, WATER, Worst, amount, backends, engine, everything, sample};
 use beamlet::internals::trace::{Moment, Ray, moments, trace};
 use beamlet::scene::{
     self, Fly, Instances, MaterialSpec, Motion, Normals, Object, RandomRays, RotationAxis, Scene,
@@ -118,8 +118,11 @@ fn cases(directory: &Path) -> Vec<(&'static str, Scene)> {
         ("ellipsoid", with(round)),
         ("meshes in many places", with(vec![many(mesh(cuboid([60e-6, 40e-6, 30e-6])), directory)])),
         (
-            "spheres in many places",
-            with(vec![many(Shape::Sphere { radius: 30e-6, sides: None }, directory)]),
+            "ellipsoids in many places",
+            with(vec![many(
+                Shape::Ellipsoid { semi_axes: [24e-6, 36e-6, 30e-6], sides: None },
+                directory,
+            )]),
         ),
         ("smooth", with(vec![smooth])),
         ("surroundings", bath),
@@ -130,10 +133,10 @@ fn cases(directory: &Path) -> Vec<(&'static str, Scene)> {
 fn rays(view: u32) -> Vec<Ray> {
     let slope = |k: u16, n: u16| (0.4e-3 * ((f32::from(k) + 0.41) / f32::from(n) - 0.5)) / 1.21;
     let of = |k: u16| {
-        let [slope_x, slope_z] = [slope(k % 40, 40), slope(k / 40, 30)];
+        let [slope_x, slope_z] = [slope(k % 30, 30), slope(k / 30, 20)];
         Ray { x: slope_x * 1.21, z: slope_z * 1.21, slope_x, slope_z, pose: view, key: 0 }
     };
-    (0..1200).map(of).collect()
+    (0..600).map(of).collect()
 }
 
 /// Displacement of a ray that f32 does not resolve a few times over, m: coordinates of 0.2 mm are rounded
@@ -156,7 +159,11 @@ fn sums(simulation: &Simulation, view: u32, [x, z]: [f32; 2]) -> Vec<[f64; 3]> {
 fn sums_of_moved_and_tilted_samples_agree_to_1e_6() {
     let directory = tempfile::tempdir().unwrap();
     let cases = cases(directory.path()).into_iter().zip(backends().into_iter().cycle());
-    for ((name, rest), other) in cases {
+    // A single ellipsoid with `BEAMLET_ALL`.
+    let cases = cases.filter(|((name, _), _)| everything() || *name != "ellipsoid");
+    for ((name, mut rest), other) in cases {
+        // The sums are those of the first order.
+        rest.sampling.transport = Transport::FirstOrder;
         // f32 holds placements of instances, and corners of a rod of 3 mm, to a few 1e-7 of them.
         let rounded = name.contains("many places") || name.contains("upright");
         let limit = if rounded { 3e-6 } else { 1e-6 };
@@ -293,10 +300,10 @@ fn fly_scans_are_the_means_of_their_angles() {
 /// A dithered pixel is five of a finer detector, at the place that its dither takes them to.
 #[test]
 fn dithers_of_wide_pixels_are_sums_of_narrow_ones() {
-    let mut setup = Setup::paper([4, 2]);
+    let mut setup = Setup::paper([4, 1]);
     (setup.sample_mask, setup.detector_mask) = (None, None);
     let mut fine = setup.clone();
-    (fine.pixels, fine.pitch) = ([40, 2], [setup.pitch[0] / 5.0, setup.pitch[1]]);
+    (fine.pixels, fine.pitch) = ([40, 1], [setup.pitch[0] / 5.0, setup.pitch[1]]);
     // Thin: the magnification of its depth moves a shadow by 1e-4 of a dither.
     let star = body(star(0.11e-3, 0.17e-3, 2, 5), 30.0 * CARBON[0], CARBON[1]);
     let [mut wide, mut fine] =
@@ -330,7 +337,8 @@ fn stacks_of_moved_and_tilted_samples_agree_to_5e_5() {
         .into_iter()
         .flat_map(|(name, rest)| backends().into_iter().map(move |it| (name, rest.clone(), it)))
         .collect();
-    for (name, mut rest, backend) in sample(cases, 7) {
+    // A mesh; all on both backends with `BEAMLET_ALL`.
+    for (name, mut rest, backend) in sample(cases, 16) {
         rest.sampling.tolerance = Some(1e-5);
         let got = engine(backend).simulate(&moved(&rest)).unwrap().sample;
         for view in [0, 1] {
@@ -347,10 +355,14 @@ fn stacks_of_moved_and_tilted_samples_agree_to_5e_5() {
     worst.holds();
 }
 
+/// Rays through rough faces: 4 deviations of a variance are 11 %, and a tilt of 19 degrees, the
+/// least of the views, changes the variance in the plane of incidence by 26 %.
+const DRAWS: u16 = 5000;
+
 /// Mean and variance of the displacements of rays through rough faces, x and z.
 fn scattered(backend: Backend, scene: &Scene, view: u32) -> [[f64; 2]; 2] {
     let simulation = engine(backend).prepare(scene).unwrap();
-    let rays: Vec<Ray> = (0..8000_u16)
+    let rays: Vec<Ray> = (0..DRAWS)
         .map(|k| {
             let [x, z] = [k % 100, k / 100].map(|k| 1e-6 * (f32::from(k) - 50.0));
             Ray { x, z, slope_x: 0.0, slope_z: 0.0, pose: view, key: 0 }
@@ -379,15 +391,17 @@ fn moved_rough_faces_scatter_as_tilted_ones_within_4_deviations() {
     rest.sampling.transport = Transport::Exact;
     // In deviations of a difference of two means, and of two variances of normal draws.
     let mut worst = Worst::new("moved against placed, rough faces, deviations", 4.0);
-    let cases = backends().into_iter().flat_map(|it| [(it, 0), (it, 1)]).collect();
-    for (backend, view) in sample(cases, 3) {
+    let cases = backends().into_iter().flat_map(|it| [(it, 1), (it, 0)]).collect();
+    // One view; both, on both backends, with `BEAMLET_ALL`.
+    for (backend, view) in sample(cases, 4) {
         let got = scattered(backend, &moved(&rest), view);
         let want = scattered(backend, &placed(&rest, view as usize), 0);
         for (axis, ([mean, variance], [of, spread])) in got.into_iter().zip(want).enumerate() {
             assert!(spread > 0.0, "{backend}, view {view}: no ray is scattered along {axis}");
             let place = |what| format!("{backend}, view {view}, axis {axis}, {what}");
-            worst.take((mean - of) / ((variance + spread) / 8000.0).sqrt(), || place("mean"));
-            let ratio = (variance / spread).ln() / (4.0_f64 / 8000.0).sqrt();
+            let draws = f64::from(DRAWS);
+            worst.take((mean - of) / ((variance + spread) / draws).sqrt(), || place("mean"));
+            let ratio = (variance / spread).ln() / (4.0 / draws).sqrt();
             worst.take(ratio, || place("variance"));
         }
     }

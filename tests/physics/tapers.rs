@@ -5,7 +5,7 @@
 use super::designs::{ball, compare_with_random};
 use crate::reference::normal::SIGMA_PER_FWHM;
 use crate::reference::walls::{Flat, Walls};
-use crate::support::{Checked, GOLD, Worst, engine, sample};
+use crate::support::{Checked, GOLD, Worst, amount, engine, sample};
 use beamlet::Backend;
 use beamlet::internals::trace::MaterialTable;
 use beamlet::material::constants_at;
@@ -116,7 +116,7 @@ fn tapered_bars_match_paths_cut_wall_by_wall() {
             }
         }
     }
-    for case in sample(cases, 11) {
+    for case in sample(cases, 29) {
         compare(&engine, &mut worst, case);
     }
     worst.holds();
@@ -126,8 +126,8 @@ fn tapered_bars_match_paths_cut_wall_by_wall() {
 fn compare(engine: &Checked, worst: &mut Worst, case: Case) {
     let flat = engine.simulate(&case.scene([COLUMNS, 1])).unwrap().flat;
     let reference = case.reference();
-    for column in [12, 200, 290, 399] {
-        for (step, offset) in OFFSETS.into_iter().enumerate() {
+    for column in amount(vec![12, 200, 399], vec![12, 200, 290, 399]) {
+        for (step, offset) in sample(OFFSETS.into_iter().enumerate().collect(), 2) {
             let got = f64::from(flat[[step, 0, column as usize]]);
             let want = reference.pixel(column, offset);
             let place = || format!("{case:?}, column {column}, step {step}: {got} for {want}");
@@ -158,7 +158,7 @@ fn bars_of_layers_match_paths_cut_layer_by_layer() {
             }
         }
     }
-    for case in sample(cases, 13) {
+    for case in sample(cases, 41) {
         compare(&engine, &mut worst, case);
     }
     worst.holds();
@@ -216,7 +216,8 @@ fn flats_and_a_ball_behind_tapered_bars_match_random_rays() {
     let engine = engine(Backend::Bvh);
     let layered = LAYERS.map(|layers| ([0.0; 2], layers, GOLD));
     let tapered = TAPERS.map(|tapers| (tapers, WHOLE, 4_185.0));
-    for (tapers, layers, mu) in tapered.into_iter().chain(layered) {
+    // Every other; all with `BEAMLET_ALL`.
+    for (tapers, layers, mu) in sample(tapered.into_iter().chain(layered).collect(), 2) {
         let case = Case { tapers, thickness: [225e-6; 2], mu, layers, spot: 30e-6 };
         let mut scene = case.scene([8, 2]);
         ball(&mut scene);
@@ -234,9 +235,8 @@ fn tapered_bars_under_a_spectrum_match_paths_at_each_energy() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("two.csv");
     std::fs::write(&path, "energy_keV,weight\n28,1\n43,0\n58,1\n").unwrap();
-    for (material, tapers) in
-        [("gold", [1e-4, 0.0]), ("gold", [-0.01, 0.01]), ("Cu", [0.03, -0.02])]
-    {
+    let cases = vec![("gold", [1e-4, 0.0]), ("gold", [-0.01, 0.01]), ("Cu", [0.03, -0.02])];
+    for (material, tapers) in sample(cases, 2) {
         let case = Case { tapers, thickness: [225e-6; 2], mu: 0.0, layers: WHOLE, spot: 30e-6 };
         let mut scene = case.scene([COLUMNS, 1]);
         let origin = SpectrumOrigin::File { path: path.clone() };
@@ -247,7 +247,7 @@ fn tapered_bars_under_a_spectrum_match_paths_at_each_energy() {
         let media = MaterialTable::of(&scene).unwrap();
         let flat = engine.simulate(&scene).unwrap().flat;
         for column in [200, 215, 399] {
-            for (step, offset) in OFFSETS.into_iter().enumerate() {
+            for (step, offset) in sample(OFFSETS.into_iter().enumerate().collect(), 2) {
                 let energies = media.energies.iter().zip(&media.weights);
                 let want: f64 = energies
                     .map(|(energy, weight)| {

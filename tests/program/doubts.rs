@@ -173,10 +173,12 @@ fn check_warns_without_an_estimate_as_with_one() {
         ("--set sample_mask.thickness=70um", "the bars of sample_mask transmit 2.4 %"),
         ("--set detector_mask.thickness=70um", "the bars of detector_mask transmit 2.4 %"),
     ] {
-        let with = warnings(options);
         let without = warnings(&format!("{options} --no-estimate"));
-        assert!(with.iter().any(|warning| warning.contains(words)), "{options}: {with:?}");
-        assert_eq!(with, without, "{options}");
+        assert!(without.iter().any(|warning| warning.contains(words)), "{options}: {without:?}");
+        // One of the offsets, and one of the bars.
+        if words.starts_with("cover") || words.contains("detector_mask") {
+            assert_eq!(warnings(options), without, "{options}");
+        }
     }
 }
 

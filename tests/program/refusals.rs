@@ -6,10 +6,17 @@
 //! `set` to the command `lines`. All fail with `code`, print `words` to stderr and none of `lack`, print nothing to
 //! stdout (but reports of `check`), and change no file. `errors` is the number of errors. A key of a group is the default
 //! of its cases; `all` are words of every case.
+//!
+//! A process takes longer than a refusal: of the cases of a group that [`CHECK`] refuses, the first goes through the
+//! program and the others through the functions of the library that it calls. Where a group has several lines, all of
+//! them refuse every fourth case, and the first one the others. With `BEAMLET_ALL` the program runs every line.
 
 use crate::support::program::{beamlet, ended};
-use crate::support::root;
+use crate::support::{everything, root};
+use beamlet::check::Check;
+use beamlet::cli_support::{load_scene, printed};
 use beamlet::ndarray::ArrayD;
+use beamlet::scene::Scene;
 use ndarray_npy::write_npy;
 use serde::Deserialize;
 use std::collections::BTreeMap;
@@ -17,6 +24,9 @@ use std::fs;
 use std::path::Path;
 use std::sync::Mutex;
 use tempfile::TempDir;
+
+/// The line of cases that have no other.
+const CHECK: &str = "check scene.toml --no-estimate";
 
 #[derive(Deserialize)]
 struct Table {
@@ -61,7 +71,7 @@ impl Default for Case {
             to: none(),
             file: none(),
             text: none(),
-            lines: vec!["check scene.toml --no-estimate".into()],
+            lines: vec![CHECK.into()],
             more: none(),
             set: list(),
             code: 1,
@@ -100,20 +110,56 @@ fn listed(directory: &Path) -> Vec<(String, u64)> {
     found
 }
 
-/// The fault of a refusal, if it has one.
-fn refuse(place: &Path, case: &Case, line: &str) -> Option<String> {
-    let before = listed(place);
+/// What a command leaves: its exit code, stdout and stderr.
+struct Answer {
+    code: Option<i32>,
+    printed: String,
+    message: String,
+}
+
+/// The answer of the program.
+fn by_program(place: &Path, case: &Case, line: &str) -> Answer {
     let sets = case.set.iter().flat_map(|set| ["--set", set]);
-    let mut command = beamlet(place);
+    let output = beamlet(place).args(split(line)).args(sets).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    let (printed, message) = (text(&output.stdout), text(&output.stderr));
+    Answer { code: output.status.code(), printed, message }
+}
+
+/// The answer of [`CHECK`] by the functions that the program calls for it.
+fn by_library(place: &Path, case: &Case) -> Answer {
+    let path = place.join("scene.toml");
+    let texts = |error: beamlet::Error| -> Vec<String> {
+        error.each().iter().map(ToString::to_string).collect()
+    };
+    let errors = match load_scene(&path, &case.set) {
+        Err(error) => texts(error),
+        Ok(scene) => match Check::of(&scene).without_estimate().run() {
+            Err(error) => texts(Scene::locate(&path, &case.set, error)),
+            Ok(report) => report.refusals,
+        },
+    };
+    // The program is in the folder of the scene, and names files from there.
+    let folder = format!("{}/", place.display());
+    let lines = errors.iter().map(|error| format!("error: {}\n", error.replace(&folder, "")));
+    let message = printed::lines(&lines.fold(String::new(), |all, line| all + &line));
+    Answer { code: Some(i32::from(!errors.is_empty())), printed: String::new(), message }
+}
+
+/// The fault of a refusal, if it has one; `quick`: by the library where that has the command.
+fn refuse(place: &Path, case: &Case, line: &str, quick: bool) -> Option<String> {
+    let before = listed(place);
+    let is_check = line == CHECK && case.more.is_empty();
     let line = format!("{line} {}", case.more);
-    let output = command.args(split(&line)).args(sets).output().unwrap();
-    let message = String::from_utf8_lossy(&output.stderr).into_owned();
-    let printed = String::from_utf8_lossy(&output.stdout);
+    let Answer { code, printed, message } = match quick && is_check {
+        true => by_library(place, case),
+        false => by_program(place, case, &line),
+    };
     let count = message.lines().filter(|line| line.starts_with("error: ")).count();
     let words = case.all.iter().chain(&case.words);
     let fault = match words.clone().find(|word| !message.contains(*word)) {
         Some(word) => format!("no {word:?}"),
-        None if output.status.code() != Some(case.code) => format!("{:?}", output.status),
+        None if code != Some(case.code) => format!("{code:?}"),
         None if words.count() == 0 => "a case without words".into(),
         None if !printed.is_empty() && !line.trim().starts_with("check") => {
             format!("stdout {printed}")
@@ -155,10 +201,14 @@ fn walk(mut group: toml::Table) -> Vec<String> {
         ended(&beamlet(place.path()).args(split(line)).output().unwrap(), 0);
     }
     let mut faults = Vec::new();
-    for case in cases.as_array().expect("a list of cases") {
+    for (number, case) in cases.as_array().expect("a list of cases").iter().enumerate() {
         let mut keys = group.clone();
-        keys.extend(case.as_table().expect("keys of a case").clone());
+        let own = case.as_table().expect("keys of a case").clone();
+        let every_line = own.contains_key("lines") || number % 4 == 0 || everything();
+        keys.extend(own);
         let case = read(keys);
+        let count = if every_line { case.lines.len() } else { 1 };
+        let quick = number > 0 && !everything();
         let edited = (!case.from.is_empty()).then(|| place.path().join(&case.edit));
         let whole = edited.as_ref().map(|path| fs::read_to_string(path).unwrap());
         if let (Some(path), Some(whole)) = (&edited, &whole) {
@@ -168,7 +218,8 @@ fn walk(mut group: toml::Table) -> Vec<String> {
         if !case.file.is_empty() {
             write(&case.file, case.text.as_bytes());
         }
-        faults.extend(case.lines.iter().filter_map(|line| refuse(place.path(), &case, line)));
+        let lines = case.lines.iter().take(count);
+        faults.extend(lines.filter_map(|line| refuse(place.path(), &case, line, quick)));
         if !case.file.is_empty() {
             fs::remove_file(place.path().join(&case.file)).unwrap();
         }
@@ -191,14 +242,19 @@ fn refusals_have_their_words_and_write_nothing() {
         let table: Table = table.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
         groups.extend(table.group);
     }
+    // Those that make runs, which take longest, are the first.
+    groups.sort_by_key(|group| group.contains_key("before"));
     let (groups, faults) = (Mutex::new(groups), Mutex::new(Vec::new()));
     std::thread::scope(|scope| {
         for _ in 0..2 {
-            scope.spawn(|| {
+            // The stack of a main thread, as the program has.
+            let thread = std::thread::Builder::new().stack_size(8 << 20);
+            let walked = thread.spawn_scoped(scope, || {
                 while let Some(group) = { groups.lock().unwrap().pop() } {
                     faults.lock().unwrap().extend(walk(group));
                 }
             });
+            walked.expect("a thread");
         }
     });
     let faults = faults.into_inner().unwrap();

@@ -3,7 +3,7 @@
 
 use super::report::run_with_maps_of;
 use crate::support::log::commit;
-use crate::support::program::{done, run};
+use crate::support::program::{done, done_without_driver, run};
 use beamlet::retrieve::Record;
 use ndarray::{Array3, Array4};
 use ndarray_npy::write_npy;
@@ -128,10 +128,10 @@ fn instances_are_counted_by_check_and_drawn_where_they_stand() {
     // Seen from 35 degrees to +x and 24 degrees up, the five fill a cross with a gap around it.
     let places = "x_mm,y_mm,z_mm\n0,0,0\n-0.6,0,0\n0.6,0,0\n0,0,-0.6\n0,0,0.6\n";
     fs::write(place.path().join("places.csv"), places).unwrap();
-    let printed = done(place.path(), "check scene.toml");
+    let printed = done(place.path(), "check scene.toml --no-estimate");
     assert!(printed.contains("    instances         5\n"), "{printed}");
-    let record: serde_json::Value =
-        serde_json::from_str(&done(place.path(), "check scene.toml --json")).unwrap();
+    let record = done(place.path(), "check scene.toml --json --no-estimate");
+    let record: serde_json::Value = serde_json::from_str(&record).unwrap();
     assert_eq!(record["objects"][0]["instances"], 5);
     done(place.path(), "view scene.toml -o pictures");
     assert!(place.path().join("pictures/set_up.png").exists());
@@ -306,14 +306,14 @@ fn the_same_pictures_come_from_exr_frames() {
 #[test]
 fn a_run_is_simulated_retrieved_and_drawn() {
     let place = tempfile::tempdir().unwrap();
-    fs::write(place.path().join("scene.toml"), SCENE).unwrap();
+    fs::write(place.path().join("scene.toml"), SCENE.replace(", sides = 128", "")).unwrap();
     done(place.path(), "simulate scene.toml -o run -q");
     for format in ["exr", "npy", "tiff"] {
         done(place.path(), &format!("retrieve run --format {format} -q --overwrite"));
         let printed = done(place.path(), &format!("view run -o {format} --pixel 7,1"));
         assert_eq!(printed.lines().count(), 10, "{printed}");
-        done(place.path(), &format!("report run -o {format}.html"));
     }
+    done_without_driver(place.path(), "report run -o tiff.html");
     let read = |folder: &str, name: &str| fs::read(place.path().join(folder).join(name)).unwrap();
     for name in ["refraction_view_0000.png", "curve_view_0000_column_0007_row_0001.png"] {
         assert_eq!(read("exr", name), read("npy", name), "{name}");
@@ -400,7 +400,7 @@ fn exact_shapes_are_drawn_like_their_facets() {
         done(place.path(), "view scene.toml -o pictures");
         picture(&place.path().join("pictures/sample.png"))
     };
-    let [exact, facets] = ["", ", sides = 200"].map(draw);
+    let [exact, facets] = ["", ", sides = 128"].map(draw);
     let side = 15..15 + 1140;
     let differs = |x: u32, y: u32| {
         let [a, b] = [&exact, &facets].map(|it| it.pixel(x, y).unwrap());

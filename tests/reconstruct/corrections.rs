@@ -198,7 +198,7 @@ fn lines_seen_twice_give_the_axis() {
     let mut worst = Worst::new("axis of rotation, pixels", 0.1);
     let bodies =
         [([12.0 * PIXEL, -6.0 * PIXEL], 9.0 * PIXEL), ([-14.0 * PIXEL, 3.0 * PIXEL], 6.0 * PIXEL)];
-    for shift in [0.0, 0.3, 3.7, -2.45] {
+    for shift in [3.7, -2.45] {
         for mut geometry in [parallel(180), fan(180), fan(130)] {
             let is_turn = geometry.angles.len() == 180;
             geometry.axis = shift * PIXEL;

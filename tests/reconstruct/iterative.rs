@@ -37,15 +37,16 @@ fn arms() -> ScanGeometry {
 #[test]
 fn every_method_finds_the_blobs() {
     let mut worst = Worst::new("iterated blobs", 8e-3);
-    for (data, quantity) in [
-        (Data::Attenuation, Quantity::Mu),
-        (Data::Refraction, Quantity::Delta),
-        (Data::DarkField, Quantity::DarkField),
+    let (cgls, bb, sirt) = ((Solver::Cgls, 10), (Solver::Bb, 25), (Solver::Sirt, 60));
+    for (data, quantity, methods) in [
+        (Data::Attenuation, Quantity::Mu, vec![cgls, bb]),
+        (Data::Refraction, Quantity::Delta, vec![cgls, bb, sirt]),
+        (Data::DarkField, Quantity::DarkField, vec![cgls, sirt]),
     ] {
         let geometry = arms();
         let sinograms = sinograms(&geometry, &blobs(), quantity);
         let measured = Measured::new(data, sinograms.view());
-        for (method, iterations) in [(Solver::Cgls, 10), (Solver::Bb, 25), (Solver::Sirt, 60)] {
+        for (method, iterations) in methods {
             let made = solve(&geometry, &measured, &grid(SIZE), options(method, iterations));
             if data == Data::Refraction && method == Solver::Sirt {
                 let message = made.unwrap_err().to_string();

@@ -60,8 +60,8 @@ fn back_projection_is_the_transpose_under_any_motion() {
     let region =
         VolumeGrid { origin: [-9.0 * PIXEL, 2.0 * PIXEL, 1.5 * PIXEL], ..grid([20, 8, 3]) };
     adjoint(&moved(beside, along(9.0 * PIXEL, 0.0)), &region, "cycloidal cone, a region");
-    // Rays along z, and half of them along z.
-    for angle in [0.02, 0.8, 1.5] {
+    // Half of the rays along z, and all of them.
+    for angle in [0.8, 1.5] {
         let tilted = moved(cone(), move |_| about_x(angle));
         adjoint(&tilted, &grid([10, 14, 9]), "tilted cone");
     }

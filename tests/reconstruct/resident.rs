@@ -16,7 +16,7 @@ const GRID: [usize; 3] = [28, 32, 10];
 fn cone() -> ScanGeometry {
     let pitch = 2.0 * PIXEL;
     let rows = places(12, pitch).into_iter().rev().collect();
-    let mut geometry = ScanGeometry::new([0.02, 0.04], places(40, pitch), rows, views(90));
+    let mut geometry = ScanGeometry::new([0.02, 0.04], places(40, pitch), rows, views(45));
     geometry.lever = 0.03;
     geometry
 }
@@ -60,13 +60,8 @@ fn solve(engine: &Checked, measured: &Measured<'_>, options: &IterativeOptions) 
     iterate(engine, &geometry, measured, &grid, options, &mut RowsControl::default()).unwrap()
 }
 
-const CASES: [(Solver, Data); 5] = [
-    (Solver::Cgls, Data::Attenuation),
-    (Solver::Cgls, Data::Refraction),
-    (Solver::Bb, Data::DarkField),
-    (Solver::Bb, Data::Refraction),
-    (Solver::Sirt, Data::Phase),
-];
+const CASES: [(Solver, Data); 3] =
+    [(Solver::Cgls, Data::Refraction), (Solver::Bb, Data::DarkField), (Solver::Sirt, Data::Phase)];
 
 fn options(solver: Solver, iterations: usize) -> IterativeOptions {
     let is_bounded = solver != Solver::Cgls;
@@ -90,7 +85,7 @@ fn bytes_of_iterations_are_scalars_and_all_are_less_than_twice_the_data() {
             engine.profile().traffic.since(before)
         };
         // The first run makes buffers for transfers.
-        traffic(2);
+        traffic(1);
         let (few, many) = (traffic(3), traffic(11));
         let all = many.bytes_to_device + many.bytes_to_host;
         assert!(all <= 2 * given.bytes(), "{solver:?} {data:?}: {all} of {}", given.bytes());

@@ -10,6 +10,7 @@ use beamlet::retrieve::{
 };
 use beamlet::scene::Scene;
 use ndarray::{Array3, Array4};
+use std::sync::LazyLock;
 
 /// Displacements of the mask, um, with a deviation of 2 um.
 const JITTER: [f64; 11] = [1.3, -2.4, 2.9, -0.7, 1.9, -2.8, 0.6, -1.6, 3.1, -2.2, 0.9];
@@ -57,6 +58,12 @@ impl Data {
         let flat = self.flat.clone().insert_axis(ndarray::Axis(0));
         measured(&self.scene, [&flat, &self.sample], options)
     }
+}
+
+/// The scan without errors, for all tests.
+fn sound() -> &'static Data {
+    static SOUND: LazyLock<Data> = LazyLock::new(|| Data::of(&scene(PAPER, PIXELS, "", "")));
+    &SOUND
 }
 
 fn options(method: Method, correct: &str, is_counts: bool) -> RetrieveOptions {
@@ -141,7 +148,7 @@ fn over_noise(
 
 #[test]
 fn jitter_of_2_um_is_found_to_a_tenth_and_undone() {
-    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    let plain = sound();
     let faulty = Data::of(&scene(PAPER, PIXELS, "", &of_scan(true, false)));
     let truth = JITTER.map(|at| 1e-6 * at);
     for (data, is_counts) in [(faulty.counts(2e4, 2), true), (faulty.clone(), false)] {
@@ -154,7 +161,7 @@ fn jitter_of_2_um_is_found_to_a_tenth_and_undone() {
         assert!(!warnings.contains("or the mask offsets are off"), "{warnings}");
     }
     for method in [Method::ExactCurve, Method::Gaussian] {
-        for [found, raw] in over_noise(&plain, &faulty, "steps", method, 2e4) {
+        for [found, raw] in over_noise(plain, &faulty, "steps", method, 2e4) {
             // The bias of a Gaussian depends on the offsets.
             let most = if method == Method::Gaussian { 1.7 } else { 1.15 };
             assert!(found < most && raw > 1.5 && found < 0.7 * raw, "{method}: {found} {raw}");
@@ -164,7 +171,7 @@ fn jitter_of_2_um_is_found_to_a_tenth_and_undone() {
 
 #[test]
 fn doses_of_3_percent_are_found_to_a_tenth_and_undone() {
-    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    let plain = sound();
     let faulty = Data::of(&scene(PAPER, PIXELS, "", &of_scan(false, true)));
     for (data, is_counts) in [(faulty.counts(1e6, 2), true), (faulty.clone(), false)] {
         let found = data.retrieved(&options(Method::Gaussian, "dose", is_counts)).unwrap();
@@ -173,7 +180,7 @@ fn doses_of_3_percent_are_found_to_a_tenth_and_undone() {
         println!("dose: {rms:e}, {deviations} deviations, {known} of 11: {dose:?}");
         assert!(rms < 3e-3 && deviations < 2.0 && known > 10.0, "{rms:e} {deviations} {known}");
     }
-    for [found, raw] in over_noise(&plain, &faulty, "dose", Method::Gaussian, 2e4) {
+    for [found, raw] in over_noise(plain, &faulty, "dose", Method::Gaussian, 2e4) {
         assert!(found < 1.15 && raw > found, "{found} {raw}");
     }
 }
@@ -181,7 +188,6 @@ fn doses_of_3_percent_are_found_to_a_tenth_and_undone() {
 #[test]
 fn doses_and_jitter_together_keep_to_their_uncertainties() {
     for masks in [PAPER, &fringe()] {
-        let plain = Data::of(&scene(masks, PIXELS, "", ""));
         let faulty = Data::of(&scene(masks, PIXELS, "", &of_scan(true, true)));
         let truth = JITTER.map(|at| 1e-6 * at);
         for photons in [2e4, 1e6] {
@@ -203,7 +209,8 @@ fn doses_and_jitter_together_keep_to_their_uncertainties() {
             }
         }
         if masks != PAPER {
-            for [found, raw] in over_noise(&plain, &faulty, "dose,steps", Method::ExactCurve, 2e4) {
+            let plain = &Data::of(&scene(masks, PIXELS, "", ""));
+            for [found, raw] in over_noise(plain, &faulty, "dose,steps", Method::ExactCurve, 2e4) {
                 // Both unknowns of a frame rest on the fringe alone.
                 assert!(found < 2.5 && found < 0.7 * raw, "{found} {raw}");
             }
@@ -213,7 +220,7 @@ fn doses_and_jitter_together_keep_to_their_uncertainties() {
 
 #[test]
 fn sound_scans_stay_as_they_are_within_the_uncertainties() {
-    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    let plain = sound();
     for (photons, method) in [(2e4, Method::Gaussian), (1e6, Method::ExactCurve)] {
         let data = plain.counts(photons, 4);
         let raw = data.retrieved(&options(method, "", true)).unwrap();
@@ -243,7 +250,7 @@ fn sound_scans_stay_as_they_are_within_the_uncertainties() {
 
 #[test]
 fn a_drift_and_a_plane_are_subtracted() {
-    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    let plain = sound();
     // The sample mask is stretched by 0.02 um a column between flat and sample, and displaced by 0.4 um.
     let masks = PAPER.replace(
         "[detector_mask]",
@@ -305,7 +312,7 @@ impl Data {
 #[test]
 fn uncertainties_after_dose_are_the_scatter() {
     let photons = 2e4;
-    let faint = Data::of(&scene(PAPER, PIXELS, "", "")).with_dose(0.25);
+    let faint = sound().with_dose(0.25);
     for method in [Method::Gaussian, Method::ExactCurve] {
         let options = options(method, "dose", true);
         // The same fit of expected counts has the same bias.
@@ -339,7 +346,7 @@ fn uncertainties_after_dose_are_the_scatter() {
 /// The saturation of the library is a value of frames before the division by their doses.
 #[test]
 fn a_dose_saturates_no_value() {
-    let mut faint = Data::of(&scene(PAPER, PIXELS, "", "")).with_dose(0.75);
+    let mut faint = sound().with_dose(0.75);
     let most = faint.flat.iter().copied().fold(0.0, f32::max);
     // Beside the empty beam the light is 1.5 times as bright: there the flat saturates, and no sample.
     faint.flat.slice_mut(ndarray::s![.., .., 20..]).mapv_inplace(|y| 1.5 * y);
@@ -365,7 +372,7 @@ fn a_dose_saturates_no_value() {
 
 #[test]
 fn what_cannot_be_determined_is_an_error() {
-    let plain = Data::of(&scene(PAPER, PIXELS, "", ""));
+    let plain = sound();
     let refused = |correct: &str, region: Region, words: &str| {
         let options = options(Method::Gaussian, correct, false).with_empty_beam(region);
         let error = plain.retrieved(&options).unwrap_err().to_string();

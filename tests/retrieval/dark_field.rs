@@ -385,10 +385,10 @@ fn compare(
 
 #[test]
 fn dark_field_of_fibres_matches_the_characteristic_function() {
-    // Pairs of 80 pixels: four standard errors of their mean, at least the 7 % that means of 80 pixels of either
+    // Pairs of 40 pixels: four standard errors of their mean, at least the 7 % that means of 80 pixels of either
     // section lie below the reference, and at most a quarter, so that a fault of a sixth in the refraction angle fails.
     let cases = [(10.0, Section::Circle), (10.0, Section::Polygon)];
-    compare((80, 1, TOLERANCE), &cases, &[0], |error| (4.0 * error).clamp(0.09, 0.25));
+    compare((40, 1, TOLERANCE), &cases, &[0], |error| (4.0 * error).clamp(0.09, 0.25));
 }
 
 /// Rows of the table of docs/developers/validation.md; `BEAMLET_PIXELS`: pixels of each, 400.

@@ -51,7 +51,8 @@ fn objects() -> [String; 4] {
 fn scene(objects: &str, refraction: bool) -> Scene {
     let mut text = format!(
         "{}\n[detector]\ndistance = \"1.8 m\"\npixels = [{COLUMNS}, {ROWS}]\npitch = \"150 um\"\n\
-         [scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n",
+         [scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 11 }}\n\
+         [sampling]\ntolerance = 3e-4\n",
         include_str!("../support/masks.toml"),
     );
     for (name, mu, delta) in MATERIALS {

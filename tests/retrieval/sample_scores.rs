@@ -174,11 +174,12 @@ fn a_wider_detector_has_the_same_scores() {
     worst.holds();
 }
 
-/// The error of a score is that of noisy retrievals of 26 columns of 400 rows; and designs that share their light have the
-/// scores that each has alone.
+/// The error of a score is that of noisy retrievals of 26 columns of 200 rows, which differ by their noise alone: two rows
+/// have the score and the truth. The root mean square of 5,200 values is known to 1 %, a fourth of the limit. And designs
+/// that share their light have the scores that each has alone.
 #[test]
 fn errors_are_those_of_noisy_retrievals() {
-    let text = rod(400);
+    let text = rod(2);
     let load = |sets: &[String]| Scene::from_toml_with(&text, ".", sets);
     let scores = "error_transmission:rod,error_alpha:rod,error_dark_field:rod,bias_alpha:rod";
     let together = scored(&load, "detector.photons=20000,80000", scores);
@@ -186,14 +187,15 @@ fn errors_are_those_of_noisy_retrievals() {
     assert_eq!(together[1], alone[0]);
     assert_eq!(together[0].values[3].is_some(), together[1].values[3].is_some());
 
-    let scene = load(&[]).unwrap();
     let engine = engine(Backend::Bvh);
+    let truth = load(&[]).unwrap();
+    let truth =
+        ideal(&engine, &truth, &IdealOptions::default(), &mut RowsControl::default()).unwrap();
+    let scene = Scene::from_toml(&rod(200), ".").unwrap();
     let numbers = engine.simulate(&scene).unwrap().counts.unwrap();
     let options = RetrieveOptions::default().with_weights(Weights::Poisson).with_gain(1.0);
     let frames = [numbers.flat.view(), numbers.sample.index_axis(Axis(0), 0)];
     let images = images_of(&engine, &scene, &options, frames);
-    let truth =
-        ideal(&engine, &scene, &IdealOptions::default(), &mut RowsControl::default()).unwrap();
     let mut worst = Worst::new("error of noisy retrievals over the score, less 1", 0.04);
     for (name, score) in
         ["transmission", "refraction", "dark_field"].into_iter().zip(&together[0].values)
@@ -201,7 +203,7 @@ fn errors_are_those_of_noisy_retrievals() {
         let (found, truth) = (images.get(name).unwrap(), &truth.images[name]);
         let own = found.indexed_iter().filter(|((_, column), _)| place(*column).abs() < RADIUS);
         let error =
-            mean_square(own.map(|(at, value)| f64::from(value - truth[[0, at.0, at.1]]))).sqrt();
+            mean_square(own.map(|(at, value)| f64::from(value - truth[[0, 0, at.1]]))).sqrt();
         worst.take(error / score.unwrap() - 1.0, || format!("{name}: {error:e}"));
     }
     worst.holds();

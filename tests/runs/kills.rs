@@ -60,7 +60,7 @@ fn workplace() -> Workplace {
 fn kills(place: &Workplace, library: &Path, line: &str, kind: &str) -> u32 {
     // Farther and farther apart; with `BEAMLET_ALL` each rename but of frames, of which there are many, all alike.
     let is_each = everything() && kind == "rename" && !line.contains("exr");
-    let next = |at: u32| if is_each { at + 1 } else { 2 * at + 1 };
+    let next = |at: u32| if is_each { at + 1 } else { 4 * at - 1 };
     let (mut at, mut killed) = (1, 0);
     loop {
         let mut command = beamlet(place.path(""));
@@ -105,8 +105,8 @@ fn commands_that_are_killed_at_any_rename_replace_what_is_left() {
     let here = place.path("");
     let mut total = 0;
     for (number, (line, renames)) in FOLDERS.into_iter().enumerate() {
-        // A run where nothing is yet; then where files are replaced.
-        match line.starts_with("simulate") {
+        // A run where nothing is yet, of arrays or with `BEAMLET_ALL`; then where files are replaced.
+        match number == 0 || (everything() && line.starts_with("simulate")) {
             true => total += kills(&place, &library, line, "rename"),
             false => drop(done(&here, line)),
         }
@@ -119,7 +119,8 @@ fn commands_that_are_killed_at_any_rename_replace_what_is_left() {
             total += killed;
         }
     }
-    for line in FILES {
+    // All of them are written by the same function.
+    for line in sample(FILES.to_vec(), 3) {
         let killed = kills(&place, &library, line, "rename");
         assert!(killed > 0, "{line}");
         total += killed;

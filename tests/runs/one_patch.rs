@@ -52,10 +52,6 @@ fn a_patch_beyond_the_limit_is_an_error_and_one_within_it_has_the_same_bits() {
             let (peak, message, ended) = watched(place.path(), &words);
             (peak, message, ended.code())
         };
-        let bits = || fs::read(place.path().join("run/sample.npy")).unwrap();
-        let (_, message, ended) = watched(place.path(), &["--format", "npy"]);
-        assert!(ended.success(), "{message}");
-        let free = bits();
         // Little more than what the run takes without lines and rays.
         let tight = least + 14;
         let (peak, message, code) = run(tight);
@@ -64,6 +60,14 @@ fn a_patch_beyond_the_limit_is_an_error_and_one_within_it_has_the_same_bits() {
             assert!(message.contains(word), "{word}: {message}");
         }
         assert!(!cpu || peak <= tight * MIB, "{peak}");
+        // One account has the memory of a patch, whatever its lines are made of: one shape is enough.
+        if shape == FACETS {
+            continue;
+        }
+        let bits = || fs::read(place.path().join("run/sample.npy")).unwrap();
+        let (_, message, ended) = watched(place.path(), &["--format", "npy", "--overwrite"]);
+        assert!(ended.success(), "{message}");
+        let free = bits();
         let roomy = least + 100;
         let (peak, message, code) = run(roomy);
         assert_eq!(code, Some(0), "{message}");
@@ -75,12 +79,12 @@ fn a_patch_beyond_the_limit_is_an_error_and_one_within_it_has_the_same_bits() {
 #[test]
 fn a_thousand_steps_take_no_memory_by_the_ray() {
     let peak = |steps| {
-        let place = scene(EXACT, steps, 20_000);
+        let place = scene(EXACT, steps, 10_000);
         let (peak, message, ended) = watched(place.path(), &[]);
         assert!(ended.success(), "{message}");
         peak
     };
-    // 20,000 rays that 400 of the steps see: 60 MiB, were each kept.
+    // 10,000 rays that 400 of the steps see: 30 MiB, were each kept.
     let (few, many) = (peak(5), peak(1000));
-    assert!(!is_one_process() || many < few + 40 * MIB, "{few} {many}");
+    assert!(!is_one_process() || many < few + 20 * MIB, "{few} {many}");
 }

@@ -12,6 +12,9 @@ const SCENE: &str = concat!(
     include_str!("../support/paper.toml"),
     r#"pixels = [8, 3]
 photons = 1000
+[sampling]
+tolerance = 1e-2
+angle_tolerance = "1 urad"
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 3 }
 angles = { from = "0 deg", to = "360 deg", count = 11 }
@@ -55,8 +58,8 @@ fn of_one_run(place: &Workplace, more: &[&str]) {
 
 #[test]
 fn parts_in_any_order_have_the_bits_of_one_run_in_every_format() {
-    let waves = format!("{SCENE}\n[sampling]\ntransport = \"wave\"\n");
-    for (scene, format) in [(SCENE, "exr"), (SCENE, "npy"), (SCENE, "tiff"), (&waves, "npy")] {
+    let waves = &SCENE.replace("[sampling]", "[sampling]\ntransport = \"wave\"");
+    for (scene, format) in [(SCENE, "exr"), (SCENE, "tiff"), (waves, "npy")] {
         let place = Workplace::new(scene);
         let options = ["--format", format];
         make(&place, &["4..9", "0..4"], &options);
@@ -66,6 +69,9 @@ fn parts_in_any_order_have_the_bits_of_one_run_in_every_format() {
         ended(&place.beamlet(&join(&["9..11", "0..4", "4..9"])), 0);
         of_one_run(&place, &options);
         assert_same(&place.path(""), VIEWS);
+        if format != "exr" {
+            continue;
+        }
         // A second join, and a part that is complete, have nothing to do.
         ended(&place.beamlet(&join(&["9..11", "0..4", "4..9"])), 0);
         make(&place, &["4..9"], &["--resume"]);
@@ -77,8 +83,9 @@ fn parts_in_any_order_have_the_bits_of_one_run_in_every_format() {
 #[test]
 fn a_single_part_and_one_part_a_view_are_joined() {
     let each: Vec<String> = (0..11).map(|view| format!("{view}..{}", view + 1)).collect();
+    let place = Workplace::new(SCENE);
+    of_one_run(&place, &["--format", "npy"]);
     for parts in [vec!["0..11"], each.iter().map(String::as_str).collect()] {
-        let place = Workplace::new(SCENE);
         make(&place, &parts, &["--format", "npy"]);
         // Fewer files than parts and stacks have together.
         let script = format!(
@@ -88,8 +95,8 @@ fn a_single_part_and_one_part_a_view_are_joined() {
         );
         let mut few_files = Command::new("bash");
         ended(&few_files.args(["-c", &script]).current_dir(place.path("")).output().unwrap(), 0);
-        of_one_run(&place, &["--format", "npy"]);
         assert_same(&place.path(""), VIEWS);
+        parts.iter().chain(&["run"]).for_each(|it| fs::remove_dir_all(place.path(it)).unwrap());
     }
 }
 
@@ -98,10 +105,16 @@ fn parts_and_joins_that_are_ended_at_random_moments_go_on_to_the_same_bytes() {
     let mut dice = Dice(21);
     let (mut killed, mut whole) = (0, 0);
     let parts = ["0..4", "4..7", "7..11"];
-    for format in ["npy", "exr", "tiff"] {
+    // Every format where `BEAMLET_KILLS` is set.
+    let formats = match std::env::var_os("BEAMLET_KILLS") {
+        Some(_) => vec!["npy", "exr", "tiff"],
+        None => vec!["exr"],
+    };
+    let each = kills().div_ceil(u32::try_from(formats.len()).unwrap());
+    for format in formats {
         let place = Workplace::new(SCENE);
         of_one_run(&place, &["--format", format]);
-        let goal = killed + kills().div_ceil(3);
+        let goal = killed + each;
         while killed < goal {
             let turn = usize::try_from(dice.below(5)).unwrap();
             let part = parts[turn % 3];

@@ -5,7 +5,7 @@ use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, star};
 use crate::support::cuts::{Cut, bands, batches, no_bit_changes};
-use crate::support::{CARBON, WATER, amount, backends, engine};
+use crate::support::{CARBON, WATER, amount, backends, engine, everything};
 use beamlet::Backend;
 use beamlet::internals::trace::{Ray, RayResult, moments, trace};
 use beamlet::scene::{RandomRays, Scene, Scheme, Transport};
@@ -40,37 +40,48 @@ fn at(tolerance: f64, mut scene: Scene) -> Scene {
 fn scenes() -> Vec<(&'static str, Scene, Vec<Cut>)> {
     // Groups of patches with too little room begin anew as halves.
     let little = |mebibytes: u64| Cut { memory: Some(mebibytes << 20), ..Cut::default() };
-    let every = [
-        Cut { threads: Some(1), ..bands(1) },
-        Cut { batch: Some(4096), threads: Some(7), ..bands(3) },
-        batches(257),
-    ];
+    // All at once; with `BEAMLET_ALL` each by itself as well.
+    let every = amount(
+        vec![Cut { batch: Some(257), threads: Some(7), ..bands(1) }],
+        vec![
+            Cut { threads: Some(1), ..bands(1) },
+            Cut { batch: Some(4096), threads: Some(7), ..bands(3) },
+            batches(257),
+        ],
+    );
     let both = |batch: u32| vec![Cut { batch: Some(batch), ..bands(1) }];
     let all = |more: &[Cut]| [&every[..], more].concat();
-    let spectrum = |scene: Scene| at(amount(1e-3, 3e-4), kinds::few_rows(scene));
+    let spectrum = |scene: Scene| at(amount(1e-3, 3e-4), scene);
     let fibres =
-        |roughness: f64, tolerance| at(tolerance, kinds::few_rows(unresolved::fibres(roughness)));
+        |roughness: f64, tolerance| at(tolerance, kinds::few_pixels(unresolved::fibres(roughness)));
     let [holes, tube] = apertures::cut_scenes();
-    vec![
+    let mut scenes = vec![
         ("cells", scene(Scheme::Cells), all(&[little(188)])),
-        ("random rays", scene(Scheme::Random), every.to_vec()),
+        ("random rays", scene(Scheme::Random), every),
         // Cells of a spectrum are made in an order that depends on their number at a time.
-        ("shapes in a tube", spectrum(kinds::with_tube(kinds::shapes())), both(257)),
+        (
+            "shapes in a tube",
+            spectrum(kinds::few_pixels(kinds::with_tube(kinds::shapes()))),
+            both(257),
+        ),
         (
             "a grazed slab in a tube",
-            spectrum(kinds::grazed()),
-            [both(257), vec![little(300)]].concat(),
+            spectrum(kinds::few_rows(kinds::grazed())),
+            amount(vec![little(300)], [both(257), vec![little(300)]].concat()),
         ),
         ("holes", at(2e-3, holes), both(257)),
         (
             "squares, a tube",
             at(2e-3, tube),
-            vec![bands(1), Cut { threads: Some(1), ..batches(257) }],
+            vec![Cut { batch: Some(257), threads: Some(1), ..bands(1) }],
         ),
         // The number of rays of a patch does not depend on bands or batches.
-        ("fibres", fibres(0.0, 4e-3), both(4099)),
         ("rough fibres", fibres(2e-3, amount(4e-3, 1e-3)), both(257)),
-    ]
+    ];
+    if everything() {
+        scenes.push(("fibres", fibres(0.0, 4e-3), both(4099)));
+    }
+    scenes
 }
 
 #[test]
@@ -88,7 +99,7 @@ fn simulated(scene: &Scene) -> Stacks {
 
 #[test]
 fn engine_that_served_other_scenes_gives_the_same_bits() {
-    let scene = &scene(Scheme::Cells);
+    let scene = &at(1e-3, scene(Scheme::Cells));
     for backend in backends() {
         let engine = engine(backend);
         let first = engine.simulate(scene).expect("a stack").sample;

@@ -140,7 +140,8 @@ fn without_masks() -> Setup {
 fn a_rim_that_bows_between_lines() {
     let mut setup = Setup::paper(PIXELS).with_bars(Bars::Sheet { transmission: 0.0 });
     setup.sample_mask = None;
-    let pixels = (1..6).flat_map(|row| [[8, row], [15, row]]);
+    // The other half of the ball is nearly its image.
+    let pixels = (1..4).flat_map(|row| [[8, row], [15, row]]);
     ball().check("rims, bowing between lines", &setup, pixels);
 }
 
@@ -148,7 +149,7 @@ fn a_rim_that_bows_between_lines() {
 /// 3.0e-4 in row 1, column 14.
 #[test]
 fn a_rim_that_enters_by_a_corner() {
-    let pixels = [[15, 6], [15, 5], [14, 6], [9, 5], [8, 1], [9, 1], [14, 1], [15, 1], [9, 6]];
+    let pixels = [[15, 6], [14, 6], [8, 1], [14, 1], [15, 1]];
     ball().check("rims, at a corner", &without_masks(), pixels.into_iter());
 }
 

@@ -96,7 +96,7 @@ fn placed(name: &str, of: &Shape, turns: &[DQuat], position: DVec3) -> Object {
 
 /// Cases of a property; all with `BEAMLET_ALL`, as `.ci/long` has it.
 fn cases() -> u32 {
-    if std::env::var_os("BEAMLET_ALL").is_some() { 512 } else { 128 }
+    if std::env::var_os("BEAMLET_ALL").is_some() { 512 } else { 48 }
 }
 
 proptest! {

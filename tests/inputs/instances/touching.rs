@@ -57,8 +57,9 @@ fn overlapping_instances_have_the_volume_of_their_union() {
     // As meshes they are united, exact ones too.
     let meshes = sample.meshes(10e-9).unwrap();
     close(meshes[0].volume(), 3.0 * whole - shared, 3.0 * 10e-9 / 10e-6);
-    let sample = sample_of("{ sphere = { radius = \"10 um\", sides = 256 } }", &places);
-    close(sample.objects[0].volume, 3.0 * whole - shared, 1e-3);
+    // Facets of 128 sides leave out about 8e-4 of a ball.
+    let sample = sample_of("{ sphere = { radius = \"10 um\", sides = 128 } }", &places);
+    close(sample.objects[0].volume, 3.0 * whole - shared, 2e-3);
     assert_eq!(sample.components.len(), 2);
     assert!(is_closed(&sample));
     assert!(sample.objects[0].warnings.iter().any(|it| it.contains("overlap")));

@@ -70,7 +70,7 @@ fn cad_assembly_as_exported_runs_in_balance_at_any_angle() {
     let pairs = backends()
         .into_iter()
         .flat_map(|backend| turns().into_iter().map(move |turn| (backend, turn)));
-    for (backend, turn) in sample(pairs.collect(), 3) {
+    for (backend, turn) in sample(pairs.collect(), 5) {
         let mut scene = assembly(turn);
         if !everything() {
             // The balance is that of each ray: fewer rays than a fine picture takes try it.

@@ -117,13 +117,14 @@ fn plates(count: u32, turn: f64, of: impl Fn(u32) -> [f64; 2]) -> Vec<Body> {
 fn hundred_plates_face_to_face_are_the_one_block() {
     let engine = crate::support::engine(Backend::Bvh);
     let everything = crate::support::everything();
-    let setup = Setup::paper([32, if everything { 16 } else { 1 }]);
-    let offsets = [-2e-5, 0.0, 1e-5];
+    // Edges of the block that is turned are seen about 6 columns from the axis.
+    let setup = Setup::paper(if everything { [32, 16] } else { [16, 1] });
+    let offsets = [-2e-5, 1e-5];
     for turn in crate::support::sample(vec![0.4, 0.0], 2) {
-        let stack = |bodies: &[Body]| {
+        let stack = |bodies: &[Body], tolerance: f64| {
             let mut scene = scenes::scene(&setup, bodies, &offsets);
             if !everything {
-                scene.sampling.tolerance = Some(1e-4);
+                scene.sampling.tolerance = Some(tolerance);
             }
             let stacks = engine.simulate(&scene).expect("a stack");
             let tally = &stacks.record.tally;
@@ -138,9 +139,10 @@ fn hundred_plates_face_to_face_are_the_one_block() {
             CARBON[0],
             CARBON[1],
         );
-        let one = stack(&[block]);
-        let many = stack(&plates(100, turn, |_| CARBON));
-        let two = stack(&plates(2, turn, |_| CARBON));
+        // Two runs are off by the tolerance each.
+        let one = stack(&[block], 2e-4);
+        let many = stack(&plates(100, turn, |_| CARBON), 2e-4);
+        let two = stack(&plates(2, turn, |_| CARBON), 2e-4);
         let mut worst = Worst::new("plates against the block, of open beam", 5e-4);
         for ((place, one), (many, two)) in one.indexed_iter().zip(many.iter().zip(&two)) {
             worst.take(f64::from(one - many), || format!("100 plates, turn {turn}, {place:?}"));
@@ -151,6 +153,6 @@ fn hundred_plates_face_to_face_are_the_one_block() {
         let mixed = plates(if everything { 100 } else { 20 }, turn, |k| {
             if k % 2 == 0 { CARBON } else { WATER }
         });
-        let _ = stack(&mixed);
+        let _ = stack(&mixed, 1e-3);
     }
 }

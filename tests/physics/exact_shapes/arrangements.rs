@@ -8,7 +8,7 @@ use super::{direction, ray_through, scene, scenes};
 use crate::assemblies::Bench;
 use crate::reference::surfaces::Random;
 use crate::reference::vector::{Vector, add, length, scaled, turned};
-use crate::support::{CARBON, WATER, backends, everything};
+use crate::support::{CARBON, WATER, backends, everything, sample};
 use beamlet::internals::interface::RayResult;
 use beamlet::internals::trace::{CrossingFinder, Ray};
 use beamlet::scene::{MaterialSpec, Scene, Transport};
@@ -36,8 +36,8 @@ const fn crossing(name: &'static str, middle: Vector) -> Setting {
 }
 
 const MIXED_SETTINGS: [Setting; 4] = [
-    mixed("5 um", 1.0, [0.0; 3]),
     mixed("2 um", 0.4, [0.0; 3]),
+    mixed("5 um", 1.0, [0.0; 3]),
     mixed("100 um", 20.0, [0.0; 3]),
     mixed("5 um, 10 mm off the axis", 1.0, [8e-3, 5e-3, -4e-3]),
 ];
@@ -66,7 +66,7 @@ impl Arrangement {
 impl Setting {
     /// Columns and rows of the square.
     fn across(&self) -> usize {
-        let few = if self.scale > 10.0 { 2 } else { 4 };
+        let few = if self.scale > 10.0 { 2 } else { 3 };
         if self.is_exact() || everything() { 8 } else { few }
     }
 
@@ -194,7 +194,10 @@ struct Found {
 
 impl Found {
     fn take(&mut self, bench: &Bench, setting: &Setting, number: usize, random: &mut Random) {
-        let all = setting.arrangements(random);
+        let mut all = setting.arrangements(random);
+        if !everything() && scenes() == 1 {
+            all.truncate(24);
+        }
         let scene = scene_of(&all, Transport::FirstOrder);
         let sample = geometry::load(&scene).expect("a sample");
         let exact = setting.is_exact();
@@ -269,7 +272,8 @@ impl Found {
 #[test]
 fn paths_through_random_arrangements_match_points_in_solids() {
     let bench = Bench::new();
-    for setting in &MIXED_SETTINGS {
+    // The smallest and those off the axis; all with `BEAMLET_ALL`.
+    for setting in sample(MIXED_SETTINGS.iter().collect(), 3) {
         let mut random = Random::new(71);
         let mut found = Found::default();
         for number in 0..scenes() {

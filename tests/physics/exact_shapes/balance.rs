@@ -63,8 +63,9 @@ fn rays_through_edges_tips_and_holes_leave_what_they_enter() {
     let mut angles = vec![0.0, TAU / 4.0, TAU / 8.0];
     angles.extend((0..30).map(|_| random.between(0.0, TAU)));
     let mut total = 0;
-    for backend in backends() {
-        let each = if backend == Backend::Bvh { 19_000 } else { 2_600 } / amount(4, 1);
+    // By the tree; by ray query, too, with `BEAMLET_ALL`.
+    for backend in amount(vec![Backend::Bvh], backends()) {
+        let each = if backend == Backend::Bvh { 19_000 } else { 2_600 } / amount(8, 1);
         let mut crossed = 0;
         for (name, kind) in KINDS {
             for (place, solid) in places(kind) {
@@ -85,6 +86,6 @@ fn rays_through_edges_tips_and_holes_leave_what_they_enter() {
         println!("measured {backend}: {crossed} rays cross");
         assert!(crossed > 60 * each / 4);
     }
-    assert!(total >= amount(250_000, 1_000_000), "{total}");
+    assert!(total >= amount(125_000, 1_000_000), "{total}");
     bench.end();
 }

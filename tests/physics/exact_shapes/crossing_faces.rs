@@ -3,12 +3,13 @@
 
 use super::solids::{Solid, cylinder, sphere};
 use super::{STRONG, scene};
-use crate::assemblies::{Bench, exact};
-use crate::support::{CARBON, WATER, backends};
+use crate::assemblies::{Bench, LEVER, exact};
+use crate::support::{CARBON, WATER, amount, backends, everything};
+use beamlet::Backend;
 use beamlet::internals::interface::{FLAG_REFLECTED, RayResult};
 use beamlet::internals::trace::Ray;
 use beamlet::scene::{Object, Scene, Transport};
-use std::f64::consts::FRAC_PI_2;
+use std::f64::consts::{FRAC_PI_2, SQRT_2};
 
 const EMPTY: [f64; 2] = [0.0; 2];
 
@@ -40,7 +41,7 @@ fn films_reflect_and_mouths_of_bores_do_not() {
     let large = vec![(rod(0.2, 0.6), STRONG), (rod(0.1, 0.58).at([0.0, 0.0, 0.01]), EMPTY)];
     let tilt = |solid: Solid| solid.turned([0.0, 0.0, 1.0], 0.4);
     let bored = |bore| vec![(tilt(rod(2e-3, 4e-3)), STRONG), (tilt(rod(1.5e-3, 4e-3)), bore)];
-    for (what, solids, rays, want) in [
+    let cases = [
         ("a film alone", film, along_face(0.0, 2e-3, 0.8e-3), true),
         ("a film beside balls that cross", beside, along_face(0.0, 2e-3, 0.8e-3), true),
         ("a film of 12 nm over a bore", at(0.0), along_face(0.0, 2e-3, 1e-3), true),
@@ -48,10 +49,15 @@ fn films_reflect_and_mouths_of_bores_do_not() {
         ("a large rod", large, along_face(0.0, 0.3, 0.05), false),
         ("the mouth of a bore", bored(EMPTY), along_face(0.0, 2e-3, 1e-3), false),
         ("a filled bore", bored(STRONG), along_face(0.0, 2e-3, 1e-3), true),
-    ] {
+    ];
+    for (number, (what, solids, rays, want)) in cases.into_iter().enumerate() {
         let (solids, constants): (Vec<Solid>, Vec<[f64; 2]>) = solids.into_iter().unzip();
         let scene = scene(objects(&solids), &constants, Transport::Exact);
         for backend in backends() {
+            // A film over a bore and the mouth of one by ray query; all with `BEAMLET_ALL`.
+            if backend == Backend::RayQuery && !everything() && ![2, 5].contains(&number) {
+                continue;
+            }
             let results = exact(&bench, backend, &scene, &rays);
             let reflected = results.iter().filter(|it| it.flags & FLAG_REFLECTED != 0).count();
             assert_eq!(reflected, if want { rays.len() } else { 0 }, "{backend}, {what}");
@@ -79,7 +85,9 @@ fn deviation(results: &[RayResult]) -> f64 {
 }
 
 /// The rough face of a rod ends at the mouth of its bore: rays through an empty bore keep their slopes, and
-/// rays through a filled one have the roughness of the filling. 4,000 draws hold a deviation to 1.1 %.
+/// rays through a filled one have the roughness of the filling: deviations of its slopes times its
+/// decrement at either face, seen from the detector. 4,000 draws hold a deviation to 1.1 %; faces
+/// 1 mm off the middle change a variance by 3e-6. By ray query, too, with `BEAMLET_ALL`.
 #[test]
 fn rough_faces_do_not_scatter_where_later_faces_lie_in_them() {
     let bench = Bench::new();
@@ -91,29 +99,29 @@ fn rough_faces_do_not_scatter_where_later_faces_lie_in_them() {
     let cells: Vec<Ray> = (0..4000).map(ray).collect();
     let drawn: Vec<Ray> =
         (1..).zip(&cells).map(|(key, it)| Ray { key: 7919 * key, ..*it }).collect();
-    for backend in backends() {
+    let want = SQRT_2 * 0.02 * WATER[1];
+    for backend in amount(vec![Backend::Bvh], backends()) {
         for transport in [Transport::FirstOrder, Transport::Exact] {
-            let trace = |scene: &Scene, rays: &[Ray]| {
-                bench.tracer(backend, scene).trace(rays).expect("results")
-            };
             let rough = (1e-3, CARBON, 0.05);
-            let empty = rods(&[rough, (0.6e-3, EMPTY, 0.0)], transport);
-            for it in [&cells, &drawn].into_iter().flat_map(|rays| trace(&empty, rays)) {
+            let mut empty = bench.tracer(backend, &rods(&[rough, (0.6e-3, EMPTY, 0.0)], transport));
+            for it in
+                [&cells, &drawn].into_iter().flat_map(|rays| empty.trace(rays).expect("results"))
+            {
                 let slope = it.slope_x.abs().max(it.slope_z.abs());
                 assert!(
                     slope < 1e-13 && it.displacement_variance.abs() < 1e-30,
                     "{backend}: {it:?}"
                 );
             }
-            let water = (0.6e-3, WATER, 0.02);
-            let filled = rods(&[rough, water], transport);
-            let rod = rods(&[water], transport);
-            let [found, want] = [&filled, &rod].map(|scene| deviation(&trace(scene, &drawn)));
+            let filled = rods(&[rough, (0.6e-3, WATER, 0.02)], transport);
+            let mut filled = bench.tracer(backend, &filled);
+            let found = deviation(&filled.trace(&drawn).expect("results"));
             assert!((found / want - 1.0).abs() < 0.06, "{backend}: {found:e}, {want:e}");
             if transport == Transport::FirstOrder {
-                let [found, want] = [&filled, &rod]
-                    .map(|scene| f64::from(trace(scene, &cells)[0].displacement_variance));
-                assert!(want > 0.0 && (found / want - 1.0).abs() < 1e-4, "{found:e}, {want:e}");
+                let all = filled.trace(&cells).expect("results");
+                let found = f64::from(all[0].displacement_variance);
+                let want = (want * LEVER).powi(2);
+                assert!((found / want - 1.0).abs() < 1e-4, "{found:e}, {want:e}");
             }
         }
     }

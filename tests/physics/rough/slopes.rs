@@ -8,11 +8,14 @@ use crate::detector::z_test::Scores;
 use crate::reference::normal::{cumulative, quantile};
 use crate::reference::rough::{Gauss, passed};
 use crate::reference::surfaces::Random;
-use crate::support::{CARBON, backends, engine};
+use crate::support::{CARBON, amount, backends, engine};
 use beamlet::Backend;
 use beamlet::internals::trace::{Ray, trace};
 
-const DRAWS: u32 = 1_000_000;
+/// Rays of a case: a fifth, which finds a width that is 2.5 % off; all with `BEAMLET_ALL`.
+fn draws() -> u32 {
+    amount(200_000, 1_000_000)
+}
 
 /// Slopes of rays that differ by what they draw alone, over delta: in the plane of incidence and
 /// across it.
@@ -118,14 +121,15 @@ fn slopes_have_the_law_of_the_first_order() {
                 continue; // below, by Snell's law
             }
             let what = |of: &str| format!("{sigma}, {angle} degrees, {of}");
-            let got = slopes(Backend::Bvh, sigma, degrees(angle), DRAWS);
+            let got = slopes(Backend::Bvh, sigma, degrees(angle), draws());
             let cos = degrees(angle).cos();
             for (axis, (x, power)) in got.iter().zip([4, 2]).enumerate() {
                 let [mean, variance] = spread(x);
                 let wide = sigma * sigma * (cos.powi(-power) + 1.0);
-                // Terms of the next order in sigma tan.
+                // Terms of the next order in sigma tan, and four deviations of a variance and more.
                 let next = 30.0 * (sigma * degrees(angle).tan()).powi(2);
-                assert!((variance / wide - 1.0).abs() < 6e-3 + next, "{variance} of {wide}");
+                let noise = 4.25 * (2.0 / f64::from(draws())).sqrt();
+                assert!((variance / wide - 1.0).abs() < noise + next, "{variance} of {wide}");
                 if angle == 0.0 {
                     // Gaussian.
                     let z: Vec<f64> = x.iter().map(|x| x / wide.sqrt()).collect();
@@ -141,7 +145,7 @@ fn slopes_have_the_law_of_the_first_order() {
                     side[1],
                 );
             }
-            let want = first_order(sigma, degrees(angle), DRAWS);
+            let want = first_order(sigma, degrees(angle), draws());
             for (axis, (got, want)) in got.into_iter().zip(want).enumerate() {
                 scores.take(what(&format!("law, {axis}")), kolmogorov_of_two(got, want));
             }
@@ -155,8 +159,8 @@ fn slopes_have_the_law_of_the_first_order() {
 fn slopes_near_grazing_follow_snells_law() {
     let mut scores = Scores::default();
     for (sigma, angle) in [(0.02, 80.0), (1e-3, 88.0), (2e-3, 88.0), (0.02, 88.0)] {
-        let want = drawn(sigma, degrees(angle), CARBON[1], DRAWS);
-        let got = slopes(Backend::Bvh, sigma, degrees(angle), DRAWS);
+        let want = drawn(sigma, degrees(angle), CARBON[1], draws());
+        let got = slopes(Backend::Bvh, sigma, degrees(angle), draws());
         for (axis, (got, want)) in got.into_iter().zip(want).enumerate() {
             let what = format!("{sigma}, {angle} degrees, axis {axis}");
             scores.take(what, kolmogorov_of_two(got, want));

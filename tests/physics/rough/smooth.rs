@@ -5,7 +5,7 @@
     reason = "rays are rounded to f32 as the engine takes them"
 )]
 
-use crate::support::{CARBON, Checked, Worst, backends, engine};
+use crate::support::{CARBON, Checked, Worst, amount, backends, engine};
 use beamlet::Backend;
 use beamlet::internals::trace::{Ray, RayResult, trace};
 use beamlet::scene::{
@@ -101,29 +101,29 @@ fn creases_keep_the_normals_of_facets() {
 }
 
 /// Whole runs: every ray is followed to its end, silhouettes included, in cells and by random rays, on
-/// both backends.
+/// one backend each and with `BEAMLET_ALL` on both.
 #[test]
 fn silhouettes_of_smooth_normals_are_followed() {
-    for backend in backends() {
-        for scheme in [Scheme::Cells, Scheme::Random] {
-            let mut scene = scene(sphere(Some(64)), Normals::Smooth, Transport::Auto);
-            scene.sampling.scheme = scheme;
-            scene.sampling.rays = RandomRays::Grid([64, 4]);
-            scene.detector = Detector::new(1.8, [48, 8], [300e-6; 2]);
-            let engine = engine(backend);
-            let stacks = engine.simulate(&scene).expect("a run");
-            assert!(stacks.sample.iter().all(|light| light.is_finite() && *light >= 0.0));
-            let simulation = engine.prepare(&scene).expect("a sample");
-            let at = |i: u32| RADIUS * (0.98 + 0.02 * f64::from(i) / 5000.0);
-            let rim =
-                |i| Ray { x: at(i) as f32, z: 0.0, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 };
-            let rays: Vec<Ray> = (0..5000).map(rim).collect();
-            let results = trace(&simulation, &rays).expect("results");
-            let lost = results.iter().filter(|result| result.flags & 8 != 0).count();
-            assert!(lost * 1000 < results.len(), "{backend:?}, {scheme:?}: {lost} lost");
-            let strong = results.iter().map(|it| it.slope_x.abs()).fold(0.0, f32::max);
-            assert!(strong < 3e-3, "{strong}");
-        }
+    let schemes = [Scheme::Cells, Scheme::Random];
+    let all = backends().into_iter().flat_map(|it| schemes.map(|scheme| (scheme, it)));
+    let single = schemes.into_iter().zip(backends().into_iter().cycle());
+    for (scheme, backend) in amount(single.collect::<Vec<_>>(), all.collect()) {
+        let mut scene = scene(sphere(Some(64)), Normals::Smooth, Transport::Auto);
+        scene.sampling.scheme = scheme;
+        scene.sampling.rays = RandomRays::Grid([64, 4]);
+        scene.detector = Detector::new(1.8, [48, amount(2, 8)], [300e-6; 2]);
+        let engine = engine(backend);
+        let stacks = engine.simulate(&scene).expect("a run");
+        assert!(stacks.sample.iter().all(|light| light.is_finite() && *light >= 0.0));
+        let simulation = engine.prepare(&scene).expect("a sample");
+        let at = |i: u32| RADIUS * (0.98 + 0.02 * f64::from(i) / 5000.0);
+        let rim = |i| Ray { x: at(i) as f32, z: 0.0, slope_x: 0.0, slope_z: 0.0, pose: 0, key: 0 };
+        let rays: Vec<Ray> = (0..5000).map(rim).collect();
+        let results = trace(&simulation, &rays).expect("results");
+        let lost = results.iter().filter(|result| result.flags & 8 != 0).count();
+        assert!(lost * 1000 < results.len(), "{backend:?}, {scheme:?}: {lost} lost");
+        let strong = results.iter().map(|it| it.slope_x.abs()).fold(0.0, f32::max);
+        assert!(strong < 3e-3, "{strong}");
     }
 }
 

@@ -93,7 +93,7 @@ fn rough_plates_lose_contrast_as_random_phases_do_within_four_deviations() {
 
 #[test]
 fn heights_of_rough_surfaces_are_the_same_on_both_backends_and_differ_by_seed() {
-    let scene = scene(8, 0.1, 5e-6);
+    let scene = scene(4, 0.1, 5e-6);
     let light = |scene: &Scene, backend| simulate(scene, backend).sample;
     let own = light(&scene, Backend::Bvh);
     let most =
@@ -102,8 +102,8 @@ fn heights_of_rough_surfaces_are_the_same_on_both_backends_and_differ_by_seed() 
     other.sampling.seed += 1;
     let by_seed = most(&light(&other, Backend::Bvh));
     assert!(by_seed > 1e-4, "{by_seed:e}");
-    for backend in backends() {
-        let apart = most(&light(&scene, backend));
-        assert!(apart < 1e-6, "{backend:?}: {apart:e}");
-    }
+    // The other backend; without one, the same again.
+    let backend = backends().pop().expect("a backend");
+    let apart = most(&light(&scene, backend));
+    assert!(apart < 1e-6, "{backend:?}: {apart:e}");
 }

@@ -12,9 +12,9 @@ use beamlet::stack::Stacks;
 /// Height of a row in the plane of the sample, m.
 pub(super) const ROW: f64 = 150e-6 / 1.8 * 1.2003;
 /// Offsets by which edges lie between samples of 20 nm.
-const EVEN: [f64; 3] = [-3e-6, 6.66e-6, 20e-6];
+const EVEN: [f64; 2] = [-3e-6, 6.66e-6];
 /// Lines of the reference.
-const LINES: u32 = 200;
+const LINES: u32 = 100;
 
 /// A ball at (x, z), m.
 fn ball(radius: f64, [x, z]: [f64; 2]) -> Object {
@@ -112,7 +112,7 @@ fn crowd() -> Scene {
 #[test]
 fn bands_and_batches_change_no_bit_of_waves() {
     let [one, two] =
-        [(257, 1), (1000, 2)].map(|(rays, rows)| Cut { batch: Some(rays), ..bands(rows) });
+        [(1021, 1), (3000, 2)].map(|(rays, rows)| Cut { batch: Some(rays), ..bands(rows) });
     let cuts: Vec<Cut> = sample(vec![one, bands(1), two, batches(257)], 4).collect();
     let tally = no_bit_changes("waves", &crowd(), &cuts).record.tally;
     assert!(tally.patches > 10 && tally.rays > 10_000);
@@ -136,7 +136,8 @@ fn backends_agree_on_waves_within_1e_6() {
 
 #[test]
 fn estimated_errors_are_those_of_half_the_spacing_within_a_factor_of_3() {
-    for (name, masks) in &SET_UPS {
+    // The reference and bars that leak; all with `BEAMLET_ALL`.
+    for (name, masks) in sample(SET_UPS.iter().collect(), 3) {
         let columns = 96_usize;
         let at = |tolerance: f64| {
             let mut scene = masks.scene(96, 0.0003, &OFFSETS, BY_WAVES);

@@ -6,7 +6,7 @@
 use super::progress::{boxes, corner, triangles};
 use super::{code_and_stderr, npy, workplace};
 use crate::support::program::Workplace;
-use crate::support::{everything, sample};
+use crate::support::{amount, everything, sample};
 use std::fs;
 use std::process::Command;
 
@@ -27,8 +27,8 @@ fn within(place: &Workplace, mebibytes: u64, words: &[&str]) -> bool {
     code == Some(0)
 }
 
-/// With little memory it is refused, with enough it is done. Of the limits between, every fifth one is
-/// taken; all of them with `BEAMLET_ALL`.
+/// With little memory (the first limit) it is refused, with enough (the last) it is done. Of the limits
+/// between, which are in any order, every fifth one is taken; all of them with `BEAMLET_ALL`.
 #[track_caller]
 fn sweep(place: &Workplace, limits: &[u64], words: &[&str]) {
     let [between @ .., most] = limits else { panic!("{words:?} without a limit") };
@@ -64,17 +64,19 @@ fn many_mask_steps() {
 #[test]
 fn many_triangles() {
     let place = workplace();
-    let sphere = "object.part.shape={sphere={radius=\"0.4 mm\",sides=1600}}";
-    let limits = [60, 80, 110, 150, 200, 300, 400, 500, 700, 1500];
+    let sides = amount(800, 1600);
+    let sphere = &format!("object.part.shape={{sphere={{radius=\"0.4 mm\",sides={sides}}}}}");
+    let limits = [60, 80, 110, 200, 300, 150, 400, 500, 700, 1500];
     let check = ["check", "scene.toml", "--set", sphere];
     sweep(&place, &limits, &[&check[..], &["--no-estimate"]].concat());
     // With the device that the estimate takes.
     for limit in sample(vec![1300, 1600, 2500], 2) {
         within(&place, limit, &check);
     }
-    // The same in a file of text and in a binary one.
+    // The same in a file of text, and with `BEAMLET_ALL` in a binary one.
     let mut text = String::new();
-    for part in 0..30_000_u16 {
+    let parts: u16 = amount(10_000, 30_000);
+    for part in 0..parts {
         for at in 0..8 {
             let [x, y, z] = corner(part, at);
             text += &format!("v {x} {y} {z}\n");
@@ -85,12 +87,12 @@ fn many_triangles() {
         }
     }
     fs::write(place.path("many.obj"), text).unwrap();
-    fs::write(place.path("many.stl"), boxes(30_000)).unwrap();
+    fs::write(place.path("many.stl"), boxes(parts)).unwrap();
     for name in sample(vec!["many.obj", "many.stl"], 2) {
         let mesh = format!("object.part.mesh={name}");
         let unit = "object.part.unit=1 um";
         let sets = ["check", "scene.toml", "--no-estimate", "--set", &mesh, "--set", unit];
-        sweep(&place, &[60, 80, 110, 150, 200, 300, 400, 500, 1500], &sets);
+        sweep(&place, &[60, 80, 150, 200, 300, 110, 400, 500, 1500], &sets);
     }
 }
 
@@ -121,19 +123,22 @@ fn drivers_that_have_too_little_to_begin_with() {
 #[test]
 fn stacks_that_are_read() {
     let place = workplace();
-    let small = ["--format", "npy", "--set", "detector.pixels=[600,600]", "--backend", "bvh"];
+    let side = amount(300, 600);
+    let pixels = &format!("detector.pixels=[{side},{side}]");
+    let small = ["--format", "npy", "--set", pixels, "--backend", "bvh"];
     let (code, message) =
         code_and_stderr(&place.beamlet(&[&RUN[..3], &["run", "-q"], &small].concat()));
     assert_eq!(code, Some(0), "{message}");
-    assert_eq!(npy(&place.path("run/flat.npy")).len(), 5 * 600 * 600);
-    // One frame of 200 MB.
+    assert_eq!(npy(&place.path("run/flat.npy")).len(), 5 * side * side);
+    // One frame of 100 or 200 MB.
+    let columns = amount(25_000, 50_000);
     let mut wide = b"\x93NUMPY\x01\x00\x76\x00".to_vec();
-    let dict = "{'descr': '<f4', 'fortran_order': False, 'shape': (1000, 50000), }";
+    let dict = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': (1000, {columns}), }}");
     wide.extend(format!("{dict:<117}\n").bytes());
     fs::write(place.path("wide.npy"), wide).unwrap();
     let file = fs::File::options().write(true).open(place.path("wide.npy")).unwrap();
-    file.set_len(128 + 200_000_000).unwrap();
-    let limits = [40, 60, 100, 200, 300, 500, 1500];
+    file.set_len(128 + 4000 * columns).unwrap();
+    let limits = [40, 60, 200, 300, 500, 100, 1500];
     sweep(&place, &limits, &["compare", "wide.npy", "wide.npy", "--difference", "out"]);
     for limit in sample(vec![40, 60, 100, 200, 400, 800], 3) {
         within(&place, limit, &["check", "run"]);

@@ -12,6 +12,9 @@ mod tally;
 pub(crate) const SCENE: &str = concat!(
     include_str!("../../support/paper.toml"),
     r#"pixels = [8, 2]
+[sampling]
+tolerance = 1e-2
+angle_tolerance = "1 urad"
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 2 }
 angles = { from = "0 deg", to = "360 deg", count = 4 }

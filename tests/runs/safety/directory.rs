@@ -2,7 +2,7 @@
 
 use super::{beamlet, contents, ends, simulate, workplace};
 #[cfg(target_os = "linux")]
-use crate::support::gate::{Gate, Held, signal, until_handled};
+use crate::support::gate::{Gate, Held, preloaded, signal, until_handled};
 use crate::support::program::ended;
 use std::fs;
 use std::os::unix::fs::symlink;
@@ -182,6 +182,29 @@ fn a_run_that_claims_more_than_a_scene_may_ask_for_is_refused_at_once() {
     ends(place.path(), "simulate scene.toml -q -o run --overwrite", 0);
 }
 
+/// Makes every pause of the C library a tenth as long.
+#[cfg(target_os = "linux")]
+const PAUSES: &str = r#"
+#define _GNU_SOURCE
+#include <errno.h>
+#include <sys/syscall.h>
+#include <time.h>
+#include <unistd.h>
+static struct timespec tenth(const struct timespec *pause) {
+    long long nanoseconds = (pause->tv_sec * 1000000000LL + pause->tv_nsec) / 10;
+    struct timespec found = {nanoseconds / 1000000000, nanoseconds % 1000000000};
+    return found;
+}
+int nanosleep(const struct timespec *pause, struct timespec *left) {
+    struct timespec shorter = tenth(pause);
+    return syscall(SYS_nanosleep, &shorter, left);
+}
+int clock_nanosleep(clockid_t clock, int flags, const struct timespec *pause, struct timespec *left) {
+    struct timespec shorter = flags & TIMER_ABSTIME ? *pause : tenth(pause);
+    return syscall(SYS_clock_nanosleep, clock, flags, &shorter, left) ? errno : 0;
+}
+"#;
+
 #[test]
 #[cfg(target_os = "linux")]
 fn a_termination_signal_ends_the_program_whatever_hangs() {
@@ -191,10 +214,11 @@ fn a_termination_signal_ends_the_program_whatever_hangs() {
     assert!(Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     let mut command = beamlet(place.path(), "simulate scene.toml -o run");
     command.env("VK_DRIVER_FILES", &pipe).env("VK_ICD_FILENAMES", &pipe);
+    command.env("LD_PRELOAD", preloaded("pauses", PAUSES));
     let mut child = command.stderr(Stdio::null()).spawn().unwrap();
     until_handled(&mut child, 15);
     signal(&child, "-TERM");
-    // It ends after ten seconds. Minutes are no measure: they end a test that would wait for ever.
+    // It ends after ten seconds, which are one here. Minutes are no measure: they end a test that would wait for ever.
     let since = Instant::now();
     let status = loop {
         if let Some(status) = child.try_wait().unwrap() {

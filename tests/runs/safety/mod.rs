@@ -18,6 +18,9 @@ use std::process::Command;
 const SCENE: &str = concat!(
     include_str!("../../support/paper.toml"),
     r#"pixels = [8, 2]
+[sampling]
+tolerance = 1e-2
+angle_tolerance = "1 urad"
 [scan]
 mask_offsets = { from = "-25 um", to = "25 um", count = 4 }
 angles = { from = "0 deg", to = "180 deg", count = 3 }

@@ -13,13 +13,15 @@ const TRUTH: f64 = 2e-5;
 /// Interior pixels hold the default tolerance, pixels with a silhouette one ten times as wide: at
 /// tighter ones some rims do not (docs/developers/validation.md). With the default none is beyond what README.md
 /// says of silhouettes. The truth without masks takes longer than all others: it is made with `BEAMLET_ALL`
-/// (`.ci/long truth`), and [`tight_tolerances_hold_without_a_sample_mask`] holds such scenes in CI.
+/// (`.ci/long truth`), and [`tight_tolerances_hold_without_a_sample_mask`] holds such scenes in CI;
+/// so is that of wide facets, of which [`angles_hold_in_interior_pixels_beside_silhouettes_too`] has the angles.
 #[test]
 fn values_are_within_the_tolerance_of_much_finer_stacks() {
     let engine = engine(Backend::Bvh);
     let mut compared = [0; 2];
-    let bare = "ball, no masks";
-    for case in cases::small().into_iter().filter(|case| everything() || case.name != bare) {
+    let long = ["ball, facets of 30 um", "ball, no masks"];
+    let is_taken = |case: &Case| everything() || !long.contains(&case.name.as_str());
+    for case in cases::small().into_iter().filter(is_taken) {
         let truth = run(&engine, &truth_of(&case, TRUTH)).values;
         let (classes, _) = classes_of(&case);
         let held = [(Class::Interior, 1e-4), (Class::Silhouette, 1e-3)];

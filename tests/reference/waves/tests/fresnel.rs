@@ -46,7 +46,7 @@ fn by_integrals(ends: [f64; 2], offsets: &[f64]) -> Vec<f64> {
 #[test]
 fn slits_and_edges_by_fft_match_fresnel_integrals_within_1e_6() {
     let setup = setup();
-    let offsets = [0.0, 10e-6, 20e-6];
+    let offsets = [0.0, 20e-6];
     // The second has one edge in view.
     for ends in [[-0.5 * APERTURE, 0.5 * APERTURE], [0.0, 150e-6]] {
         let slits = Slits { openings: vec![ends], bars: Complex::ZERO };

@@ -102,15 +102,14 @@ fn dark_field_of_fibres_by_waves_is_half_of_rays() {
     let (setup, slits) = (setup(), Slits::one(APERTURE));
     let flat = empty(&setup, &slits).curve(grid, &offsets);
     let flat_of_rays = expected_of_rays(0.0);
-    for (crossings, stacks) in [(50.0, 320), (200.0, 160)] {
-        let waves = curves(crossings, stacks, |case| case.curve(grid, &offsets));
-        let rays = expected_of_rays(crossings / (2.0 * RADIUS));
-        // Structure functions of waves and rays expect 0.477 of fits to these seven steps and 0.488 of
-        // transforms; standard errors over stacks are 0.02.
-        let widths = [fitted(&waves) - fitted(&flat), fitted(&rays) - fitted(&flat_of_rays)];
-        close(widths[0] / widths[1], 0.477, 0.04);
-        close(scatter(&waves, &flat) / scatter(&rays, &flat_of_rays), 0.488, 0.03);
-    }
+    let crossings = 50.0;
+    let waves = curves(crossings, 320, |case| case.curve(grid, &offsets));
+    let rays = expected_of_rays(crossings / (2.0 * RADIUS));
+    // Structure functions of waves and rays expect 0.477 of fits to these seven steps and 0.488 of
+    // transforms; standard errors over stacks are 0.02.
+    let widths = [fitted(&waves) - fitted(&flat), fitted(&rays) - fitted(&flat_of_rays)];
+    close(widths[0] / widths[1], 0.477, 0.04);
+    close(scatter(&waves, &flat) / scatter(&rays, &flat_of_rays), 0.488, 0.03);
 }
 
 /// Loss of the transform of the light of an aperture at `shear`, times the length over which a fibre
@@ -141,17 +140,7 @@ fn structure_of_waves(radius: f64, shear: f64) -> f64 {
 #[test]
 fn dark_field_by_diameter_has_the_values_of_structure_functions_within_0_01() {
     let shear = setup().wavelength * DISTANCE / (TAU * 9.2e-6);
-    let table = [
-        (0.5, 0.18),
-        (1.0, 0.28),
-        (2.0, 0.37),
-        (5.0, 0.49),
-        (10.0, 0.58),
-        (20.0, 0.67),
-        (50.0, 0.78),
-        (100.0, 0.86),
-        (300.0, 0.98),
-    ];
+    let table = [(0.5, 0.18), (2.0, 0.37), (5.0, 0.49), (20.0, 0.67), (100.0, 0.86)];
     for (diameter, want) in table {
         let radius = 0.5e-6 * diameter;
         let ratio = structure_of_waves(radius, shear) / structure_of_rays(radius, shear);
