@@ -1,7 +1,7 @@
 //! Axes along which materials scatter, and instances that turn them.
 
 use beamlet_core::error::{Error, Result};
-use beamlet_model::scene::{Object, Scene};
+use beamlet_model::scene::{Object, Scattering, Scene};
 use beamlet_packing::InstanceTransform;
 use glam::DVec3;
 
@@ -16,10 +16,9 @@ pub(super) fn keep_scattering_axis(
     number: u32,
     instances: &[InstanceTransform],
 ) -> Result<()> {
-    let Some(scattering) = scene.scattering.get(&object.material) else { return Ok(()) };
-    let differs = |variance: f64| (variance - scattering.variance).abs() > 0.0;
-    let Some(axis) = scattering.axis.filter(|it| differs(it.variance)) else { return Ok(()) };
-    let axis = DVec3::from_array(axis.direction).normalize();
+    let scattering = scene.scattering.get(&object.material);
+    let Some(axis) = scattering.and_then(Scattering::unequal_axis) else { return Ok(()) };
+    let axis = DVec3::from_array(axis.direction);
     let turns = |it: &InstanceTransform| (it.rotation * axis).cross(axis).length() > DIGITS;
     match instances.iter().position(turns) {
         None => Ok(()),

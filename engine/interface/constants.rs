@@ -68,7 +68,7 @@ shared_constants! {
     /// Kind in a sample: materials that scatter.
     KIND_SCATTERING: u32 = 512;
     /// Kind in a sample: materials that scatter along an axis by another variance than across it.
-    KIND_DIRECTED: u32 = 1024;
+    KIND_SCATTERING_AXIS: u32 = 1024;
     /// Cylinder, cone or truncated cone.
     SHAPE_FRUSTUM: u32 = 0;
     /// Ellipsoid or sphere.

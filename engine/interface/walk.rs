@@ -207,7 +207,7 @@ shared_structs! {
         /// `[leaf][corner][3]`, unit, in the order of leaves; zero where facets refract by their own
         /// normals.
         pub normals: u64 => CornerNormals,
-        /// `[material]`, in samples of `KIND_DIRECTED`.
+        /// `[material]`, in samples of `KIND_SCATTERING_AXIS`.
         pub axes: u64 => ScatteringAxes,
         pub prototype_count: u32,
         /// Leaves of the sample itself: larger numbers are primitives of placed meshes.

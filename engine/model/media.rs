@@ -6,7 +6,7 @@ use crate::scene::{Object, Scene};
 use crate::spectrum;
 use beamlet_core::{Result, numbers};
 use beamlet_interface::{
-    KIND_DIRECTED, KIND_ROUGH, KIND_SCATTERING, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR,
+    KIND_ROUGH, KIND_SCATTERING, KIND_SCATTERING_AXIS, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR,
 };
 use glam::{DMat3, DVec3};
 use std::ops::Range;
@@ -26,10 +26,9 @@ pub struct ScatteringAxis {
 impl ScatteringAxis {
     /// Axis of the material of an object; `None` where it scatters alike in all directions.
     fn of(scene: &Scene, object: &Object) -> Option<Self> {
-        let scattering = scene.scattering.get(&object.material).filter(|it| it.mean() > 0.0)?;
-        let differs = |variance: f64| (variance - scattering.variance).abs() > 0.0;
-        let axis = scattering.axis.filter(|axis| differs(axis.variance))?;
-        let own = DVec3::from_array(axis.direction).try_normalize()?;
+        let scattering = scene.scattering.get(&object.material)?;
+        let axis = scattering.unequal_axis()?;
+        let own = DVec3::from_array(axis.direction);
         let shares = [scattering.variance, axis.variance].map(|it| it / scattering.mean());
         Some(Self { direction: object.placement.rotate_direction(own).normalize(), shares })
     }
@@ -130,7 +129,7 @@ impl MaterialTable {
         let bit = |has: bool, bit: u32| if has { bit } else { 0 };
         bit(rough, KIND_ROUGH)
             | bit(scatters, KIND_SCATTERING)
-            | bit(!self.axes.is_empty(), KIND_DIRECTED)
+            | bit(!self.axes.is_empty(), KIND_SCATTERING_AXIS)
     }
 
     /// Words of the moments of a ray through them.

@@ -76,7 +76,7 @@ bool finish(uint index, inout Gathered all, uint attempt) {
     if (is_in_order(all.run)) all.run.flags |= FLAG_GRAZING;
     all.run.flags |= uint(255.0 * min(all.run.grazing, 1.0)) << FLAG_SHARE_SHIFT;
     RayResult result = result_of(all.sums, all.run);
-    if (DIRECTED) {
+    if (HAS_SCATTERING_AXIS) {
         Ray own = push.rays.at[index];
         direct(all.sums, beam_of(own, sample_.poses.at[own.pose]), result);
     }

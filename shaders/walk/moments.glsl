@@ -3,10 +3,10 @@
 
 #ifdef PLACED
 const bool SCATTERS = (KINDS & KIND_SCATTERING) != 0u;
-const bool DIRECTED = (KINDS & KIND_DIRECTED) != 0u;
+const bool HAS_SCATTERING_AXIS = (KINDS & KIND_SCATTERING_AXIS) != 0u;
 #else
 const bool SCATTERS = false;
-const bool DIRECTED = false;
+const bool HAS_SCATTERING_AXIS = false;
 #endif
 
 struct Run {
@@ -118,7 +118,7 @@ RayResult result_of(Sums sums, Run run) {
             result.displacement_z += k.delta * sums.lever[m].y;
             result.slope_x += k.delta * sums.slope[m].x;
             result.slope_z += k.delta * sums.slope[m].y;
-            if (SCATTERS && !DIRECTED) result.displacement_variance += k.scattering * sums.scattering[m];
+            if (SCATTERS && !HAS_SCATTERING_AXIS) result.displacement_variance += k.scattering * sums.scattering[m];
         }
     }
     if (SCATTERS) result.displacement_variance = max(result.displacement_variance, 0.0);
@@ -207,7 +207,7 @@ RayResult result_of(Sums sums, Run run) {
         result.displacement_z += k.delta * moments.at[base + MOMENTS_LEVER + 1u];
         result.slope_x += k.delta * moments.at[base + MOMENTS_SLOPE];
         result.slope_z += k.delta * moments.at[base + MOMENTS_SLOPE + 1u];
-        if (SCATTERS && !DIRECTED) {
+        if (SCATTERS && !HAS_SCATTERING_AXIS) {
             result.displacement_variance += k.scattering * moments.at[place_of_scattering(sums.head, m)];
         }
     }

@@ -19,7 +19,7 @@ const LEAST_FACTOR: f64 = -0.2;
 /// Largest wavenumber times the diameter, twice the `LAST` of losses, and points of it for each radian of the last row.
 const LAST: f64 = 80.0;
 const POINTS_PER_RADIAN: f64 = 10.0;
-/// Widest part of a table that three points stand for, diameters: 1.6 rad at `LAST`.
+/// Largest interval of distance that three points of Gauss and Legendre integrate, diameters: 1.6 rad at `LAST`.
 const PART: f64 = 0.02;
 /// Places and weights of three points of Gauss and Legendre over a unit.
 const GAUSS: [(f64, f64); 3] = [

@@ -29,6 +29,7 @@ mod rotation;
 mod sample;
 mod scan;
 mod scan_errors;
+mod scattering;
 mod set;
 mod slits;
 mod table;
@@ -61,12 +62,10 @@ pub use model::{
 pub use motion::Motion;
 pub use pattern::{Pattern, Strip};
 pub use rectangles::Rectangle;
-pub use sample::{
-    BodyShape, MaterialSpec, Mesh, MeshFormat, Microstructure, Normals, Object, Placement,
-    Scattering, ScatteringAxis, Shape, ShapeOrMesh,
-};
+pub use sample::{MaterialSpec, Mesh, MeshFormat, Normals, Object, Placement, Shape, ShapeOrMesh};
 pub use scan::{Fly, RotationAxis, Scan};
 pub use scan_errors::ScanErrors;
+pub use scattering::{BodyShape, Microstructure, Scattering, ScatteringAxis};
 pub use targets::RandomRays;
 pub use view::{Pose, View};
 

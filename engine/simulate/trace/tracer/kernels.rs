@@ -2,9 +2,9 @@
 
 use beamlet_gpu::{Backend, Device, LazyKernel, push_bytes};
 use beamlet_interface::{
-    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_DIRECTED, KIND_ELLIPSOID,
-    KIND_FRUSTUM, KIND_HEIGHTS, KIND_MOVED, KIND_ROUGH, KIND_SCATTERING, KIND_SMOOTH, KIND_TUBE,
-    RAYS_PER_LANE, TracePush,
+    BUNDLE_LANES, CrossingsPush, ExactPush, GROUP, KIND_CROSSED, KIND_ELLIPSOID, KIND_FRUSTUM,
+    KIND_HEIGHTS, KIND_MOVED, KIND_ROUGH, KIND_SCATTERING, KIND_SCATTERING_AXIS, KIND_SMOOTH,
+    KIND_TUBE, RAYS_PER_LANE, TracePush,
 };
 use std::ops::RangeInclusive;
 use std::sync::{Arc, OnceLock};
@@ -29,7 +29,7 @@ pub struct TraceKernels {
 const ONE_BY_ONE: u32 = KIND_ROUGH | KIND_HEIGHTS | KIND_SMOOTH | KIND_CROSSED;
 
 /// Combinations of `KIND_` bits.
-const KINDS: usize = 2 * KIND_DIRECTED as usize;
+const KINDS: usize = 2 * KIND_SCATTERING_AXIS as usize;
 
 /// The walks of a backend.
 #[derive(Debug)]
@@ -112,7 +112,7 @@ impl Walks {
             | KIND_TUBE
             | KIND_MOVED
             | KIND_SCATTERING
-            | KIND_DIRECTED
+            | KIND_SCATTERING_AXIS
             | ONE_BY_ONE;
         let bundles = bundles && kinds & !bundled == 0;
         let single = match kinds {
