@@ -8,6 +8,7 @@
 
 use super::empty;
 use crate::reference::surfaces::Random;
+use crate::support::Worst;
 use beamlet::internals::microstructure::{Bodies, variances};
 use beamlet::scene::{BodyShape, MaterialSpec, Microstructure, Scene};
 use std::f64::consts::PI;
@@ -23,6 +24,49 @@ struct Fluid {
     cells: Vec<Vec<usize>>,
     counts: [usize; 3],
     random: Random,
+}
+
+/// Spheres in layers one behind another along y; lengths in diameters. Each layer is a state of a fluid, repeated across the
+/// beam, turned about y and moved at random: periods of two layers nowhere coincide. Phases of one box behind itself would
+/// add up, and the loss of one box of 1,372 spheres at a fraction of 0.5 differs from that of another one by 3 to 4 %.
+pub(super) struct Layers {
+    pub places: Vec<[f64; 3]>,
+    /// Sum of the thicknesses of the layers; between them are gaps of a diameter.
+    pub thickness: f64,
+}
+
+impl Layers {
+    /// Layers of about a thickness that fill a width and a height.
+    pub(super) fn new(fraction: f64, thickness: f64, field: [f64; 2], seed: u64) -> Self {
+        let mut fluid = Fluid::new([12, 5, 12], fraction, seed);
+        let [x, y, z] = fluid.size;
+        let count = (thickness / y).round().max(1.0);
+        let reach = 0.5 * field[0].hypot(field[1]);
+        let tiles = |side: f64| {
+            let most = (reach / side).ceil() as i32 + 1;
+            (-most..=most).map(move |tile| f64::from(tile) * side)
+        };
+        let mut places = Vec::new();
+        for layer in 0..count as u32 {
+            fluid.settle(30);
+            let (sin, cos) = fluid.random.between(0.0, 2.0 * PI).sin_cos();
+            let shift = [x, z].map(|side| fluid.random.between(0.0, side));
+            let front = f64::from(layer) * (y + 1.0) - 0.5 * count * (y + 1.0);
+            for u in tiles(x) {
+                for v in tiles(z) {
+                    let turned = fluid.places.iter().map(|at| {
+                        let (u, v) = (u + at[0] + shift[0], v + at[2] + shift[1]);
+                        [cos * u - sin * v, front + at[1], sin * u + cos * v]
+                    });
+                    let is_inside = |at: &[f64; 3]| {
+                        at[0].abs() < 0.5 * field[0] && at[2].abs() < 0.5 * field[1]
+                    };
+                    places.extend(turned.filter(is_inside));
+                }
+            }
+        }
+        Self { places, thickness: count * y }
+    }
 }
 
 impl Fluid {
@@ -55,7 +99,7 @@ impl Fluid {
             let diameter = start + (1.0 - start) * f64::from(step) / 20.0;
             while fluid.sweep(diameter, 1) > 0.0 {}
         }
-        fluid.sweep(1.0, 150);
+        fluid.settle(150);
         fluid
     }
 
@@ -81,26 +125,39 @@ impl Fluid {
         along(0) + along(1) + along(2)
     }
 
-    /// Sum over the spheres nearer to a place than a diameter of what they lack.
-    fn overlap(&self, own: usize, place: [f64; 3], diameter: f64) -> f64 {
+    /// Other spheres nearer to a place than a diameter: what each lacks.
+    fn overlaps(&self, own: usize, place: [f64; 3], diameter: f64) -> impl Iterator<Item = f64> {
         let at = self.numbers(place);
-        let near = |a: usize, by: usize| (at[a] + self.counts[a] + by - 1) % self.counts[a];
-        let mut sum = 0.0;
-        for i in 0..3 {
-            for j in 0..3 {
-                for k in 0..3 {
-                    let cell =
-                        (near(0, i) * self.counts[1] + near(1, j)) * self.counts[2] + near(2, k);
-                    for other in &self.cells[cell] {
-                        let square = self.square(place, self.places[*other]);
-                        if *other != own && square < diameter * diameter {
-                            sum += diameter - square.sqrt();
-                        }
-                    }
-                }
-            }
+        let near = move |a: usize, by: usize| match at[a] + by {
+            0 => self.counts[a] - 1,
+            next if next > self.counts[a] => 0,
+            next => next - 1,
+        };
+        let cells = (0..27).map(move |it| {
+            let [i, j, k] = [near(0, it / 9), near(1, it / 3 % 3), near(2, it % 3)];
+            &self.cells[(i * self.counts[1] + j) * self.counts[2] + k]
+        });
+        let others = cells.flatten().filter(move |other| **other != own);
+        let squares = others.map(move |other| self.square(place, self.places[*other]));
+        let nearer = squares.filter(move |square| *square < diameter * diameter);
+        nearer.map(move |square| diameter - square.sqrt())
+    }
+
+    /// A place near that of a sphere.
+    fn draw(&mut self, own: usize) -> [f64; 3] {
+        [0, 1, 2].map(|a| {
+            let moved = self.places[own][a] + self.random.between(-0.12, 0.12);
+            moved.rem_euclid(self.size[a])
+        })
+    }
+
+    fn put(&mut self, own: usize, place: [f64; 3]) {
+        let [from, to] = [self.cell(self.places[own]), self.cell(place)];
+        if from != to {
+            self.cells[from].retain(|other| *other != own);
+            self.cells[to].push(own);
         }
-        sum
+        self.places[own] = place;
     }
 
     /// Moves each sphere some times, where overlaps do not grow. Sum of the overlaps that are left.
@@ -109,27 +166,28 @@ impl Fluid {
         for _ in 0..times {
             left = 0.0;
             for own in 0..self.places.len() {
-                let before = self.places[own];
-                let place = [0, 1, 2].map(|a| {
-                    let moved = before[a] + self.random.between(-0.12, 0.12);
-                    moved.rem_euclid(self.size[a])
-                });
-                let now = self.overlap(own, before, diameter);
-                let then = self.overlap(own, place, diameter);
-                if then > now {
-                    left += now;
-                    continue;
+                let place = self.draw(own);
+                let [now, then] = [self.places[own], place]
+                    .map(|at| self.overlaps(own, at, diameter).sum::<f64>());
+                left += now.min(then);
+                if then <= now {
+                    self.put(own, place);
                 }
-                left += then;
-                let [from, to] = [self.cell(before), self.cell(place)];
-                if from != to {
-                    self.cells[from].retain(|other| *other != own);
-                    self.cells[to].push(own);
-                }
-                self.places[own] = place;
             }
         }
         left
+    }
+
+    /// Moves each sphere some times, where it overlaps no other: none does before.
+    fn settle(&mut self, times: u32) {
+        for _ in 0..times {
+            for own in 0..self.places.len() {
+                let place = self.draw(own);
+                if self.overlaps(own, place, 1.0).next().is_none() {
+                    self.put(own, place);
+                }
+            }
+        }
     }
 
     /// Adds the pairs of all spheres to a histogram of distances from 1, in bins of a width; the number of pairs of
@@ -166,14 +224,12 @@ impl Fluid {
 const BIN: f64 = 0.02;
 
 /// A table `r,g` of spheres of a fraction.
-fn table(fraction: f64, boxes: u32) -> String {
+fn table(fraction: f64) -> String {
     let (mut pairs, mut expected) = (vec![0.0; 200], vec![0.0; 200]);
-    for seed in 0..boxes {
-        let mut fluid = Fluid::new([7, 7, 7], fraction, 11 + u64::from(seed));
-        for _ in 0..20 {
-            fluid.sweep(1.0, 10);
-            fluid.add_pairs(BIN, &mut pairs, &mut expected);
-        }
+    let mut fluid = Fluid::new([7, 7, 7], fraction, 11);
+    for _ in 0..20 {
+        fluid.settle(10);
+        fluid.add_pairs(BIN, &mut pairs, &mut expected);
     }
     let g: Vec<f64> =
         pairs.iter().zip(&expected).map(|(pairs, expected)| pairs / expected).collect();
@@ -201,7 +257,7 @@ fn medium(fraction: f64, diameter: f64, directory: &Path) -> Scene {
 fn tables_of_a_monte_carlo_have_the_variance_of_percus_and_yevick() {
     let folder = tempfile::tempdir().expect("a folder");
     for fraction in [0.3, 0.5] {
-        fs::write(folder.path().join("pairs.csv"), table(fraction, 2)).expect("a table");
+        fs::write(folder.path().join("pairs.csv"), table(fraction)).expect("a table");
         for diameter in [1e-6, 5e-6, 20e-6] {
             let mut scene = medium(fraction, diameter, folder.path());
             let of = |scene: &Scene| {
@@ -217,31 +273,53 @@ fn tables_of_a_monte_carlo_have_the_variance_of_percus_and_yevick() {
     }
 }
 
-/// Loss of contrast of two rays a shear apart through the spheres themselves, over that of the medium: weak phases.
+/// Losses of contrast of two rays a shear apart through the spheres themselves, over those of the medium: of weak phases,
+/// and what spheres of 1.5 rad lose over weak ones. Independent spheres of 1.5 rad lose 3 to 8 % less than weak ones.
 #[test]
 fn chords_of_a_monte_carlo_lose_what_their_medium_does() {
-    for (fraction, shear) in [(0.3, 0.11), (0.5, 0.11), (0.5, 0.3)] {
+    const LINES: u32 = 1000;
+    const SNAPSHOTS: u32 = 40;
+    const WEAK: f64 = 1e-3;
+    const STRONG: f64 = 3.0;
+    let mut worst = Worst::new("strong phases over weak ones, in stated errors", 1.0);
+    for (fraction, shears) in [(0.1, vec![0.11]), (0.3, vec![0.11]), (0.5, vec![0.11, 0.3])] {
         let mut fluid = Fluid::new([7, 7, 7], fraction, 3);
-        let mut ratios = Vec::new();
         let own = Microstructure::new(BodyShape::Spheres, "silica", 1.0, fraction);
-        let phase = 1e-3;
-        let expected = Bodies::new(&own).loss(phase, shear).value * fluid.size[1];
-        for _ in 0..40 {
-            fluid.sweep(1.0, 20);
-            let sum: f64 = (0..2000)
-                .map(|_| {
-                    let [x, z] = [0, 2].map(|axis| fluid.random.between(0.0, fluid.size[axis]));
-                    let ends = [x, (x + shear) % fluid.size[0]].map(|x| fluid.half_chords([x, z]));
-                    0.5 * (phase * (ends[1] - ends[0])).powi(2)
-                })
-                .sum();
-            ratios.push(sum / 2000.0 / expected);
+        let bodies = Bodies::new(&own);
+        // Mean square of the difference of half chords in each snapshot, and mean cosine of strong phases.
+        let mut squares = vec![Vec::new(); shears.len()];
+        let mut cosines = vec![0.0; shears.len()];
+        for _ in 0..SNAPSHOTS {
+            fluid.settle(20);
+            let mut sums = vec![0.0; shears.len()];
+            for _ in 0..LINES {
+                let [x, z] = [0, 2].map(|axis| fluid.random.between(0.0, fluid.size[axis]));
+                let own = fluid.half_chords([x, z]);
+                for (at, shear) in shears.iter().enumerate() {
+                    let step = fluid.half_chords([(x + shear) % fluid.size[0], z]) - own;
+                    sums[at] += step * step / f64::from(LINES);
+                    cosines[at] += (STRONG * step).cos() / f64::from(SNAPSHOTS * LINES);
+                }
+            }
+            squares.iter_mut().zip(sums).for_each(|(squares, sum)| squares.push(sum));
         }
-        let count = ratios.len() as f64;
-        let mean = ratios.iter().sum::<f64>() / count;
-        let square = ratios.iter().map(|it| (it - mean).powi(2)).sum::<f64>();
-        let error = (square / (count - 1.0) / count).sqrt();
-        println!("fraction {fraction}, shear {shear}: {mean:.4} ± {error:.4}");
-        assert!((mean - 1.0).abs() < 0.01 + 3.0 * error, "{fraction}, {shear}: {mean} ± {error}");
+        for ((shear, squares), cosine) in shears.into_iter().zip(squares).zip(cosines) {
+            let [weak, strong] = [WEAK, STRONG].map(|phase| {
+                bodies.loss(phase, shear).value * fluid.size[1] / (0.5 * phase * phase)
+            });
+            let count = squares.len() as f64;
+            let mean = squares.iter().sum::<f64>() / count;
+            let square = squares.iter().map(|it| (it - mean).powi(2)).sum::<f64>();
+            let [ratio, error] =
+                [mean, (square / (count - 1.0) / count).sqrt()].map(|it| it / weak);
+            println!("fraction {fraction}, shear {shear}: {ratio:.4} ± {error:.4}");
+            let is_within = (ratio - 1.0).abs() < 0.01 + 3.0 * error;
+            assert!(is_within, "{fraction}, {shear}: {ratio} ± {error}");
+            let found = -f64::ln(cosine) / (0.5 * STRONG * STRONG * mean);
+            let error = bodies.loss(STRONG, shear).error;
+            println!("strong over weak: {found:.4}, {:.4} within {error:.4}", strong / weak);
+            worst.take((found * weak / strong - 1.0) / error, || format!("{fraction}, {shear}"));
+        }
     }
+    worst.holds();
 }
