@@ -10,7 +10,7 @@ use beamlet::reconstruct::{FbpOptions, Quantity, ScanGeometry, Volume, VolumeGri
 use beamlet::retrieve::{Method, RetrieveOptions, Retriever};
 use beamlet::scene::{MaterialSpec, Scene};
 
-const VIEWS: usize = 60;
+const VIEWS: usize = 40;
 const COLUMNS: usize = 96;
 /// Scattering of a material.
 enum Scattering {
@@ -85,7 +85,7 @@ fn scene([distance, pitch]: [f64; 2]) -> Scene {
          [detector_mask]\ntransmission = 0.0\nprojected_aperture = \"30 um\"\n\
          [detector]\ndistance = \"{distance} m\"\npixels = [{COLUMNS}, 1]\npitch = \"{pitch} um\"\n\
          [scan]\nmask_offsets = {{ from = \"-25 um\", to = \"25 um\", count = 7 }}\n\
-         angles = {{ from = \"0 deg\", to = \"354 deg\", count = {VIEWS} }}\n{}",
+         angles = {{ from = \"0 deg\", to = \"351 deg\", count = {VIEWS} }}\n{}",
         RODS.iter().map(rod).collect::<String>()
     );
     Scene::from_toml(&text, ".").expect("a scene")

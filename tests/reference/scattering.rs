@@ -133,8 +133,8 @@ impl SetUp {
     /// share of open beam. A ray from beside the centre of the source passes what the ray from the centre through the
     /// same point of the plane of the axis passes.
     pub fn light(&self, media: &[Medium], x: f64, offset: f64) -> f64 {
-        const RAYS: usize = 3000;
-        const SPOT: usize = 61;
+        const RAYS: usize = 2000;
+        const SPOT: usize = 31;
         const REACH: f64 = 5.0;
         let scale = self.analyser / self.sample_mask;
         // By an offset of the source, on the analyser: how far the mask moves against a ray of the centre through a
