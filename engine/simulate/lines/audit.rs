@@ -7,9 +7,9 @@
 //! facets without a ray. Patches of evenly spread rays are compared with rays at random places of even cells.
 //!
 //! The sum over drawn patches is weighted by the inverse of their probability. With p of a patch, its product x and half
-//! the difference s of the squares of both estimates, whose variance is that of x by the places of rays, the variance
-//! of the sum is that of x² (1 − p) / p² + s² / p. Light is compared at each mask step in each window and row where it
-//! lands.
+//! the difference s of the squares of both estimates, the variance of the sum is that of x² (1 − p) / p² +
+//! (x² + s²) / 2p: the mean square of s is the variance of x by the places of rays, of x at least that, and both are
+//! rarely small by chance together. Light is compared at each mask step in each window and row where it lands.
 
 mod fresh_cells;
 mod fresh_line;
@@ -174,12 +174,13 @@ impl<'a> Auditor<'a> {
         let budget = &self.view.budget;
         let unit = (budget.by_grid * budget.tolerance).powi(2) * self.response().steps() as f64;
         let square = product(a, b) / unit;
-        let noise = 0.5 * (product(a, a) - product(b, b)) / unit;
-        if !(square.is_finite() && noise.is_finite()) {
+        let difference = 0.5 * (product(a, a) - product(b, b)) / unit;
+        if !(square.is_finite() && difference.is_finite()) {
             return AuditSums::default();
         }
-        let variance = square.powi(2) * (1.0 - probability) / probability.powi(2)
-            + noise.powi(2) / probability;
+        let by_rays = 0.5 * (square.powi(2) + difference.powi(2));
+        let variance =
+            square.powi(2) * (1.0 - probability) / probability.powi(2) + by_rays / probability;
         AuditSums::new(square / probability, variance)
     }
 
