@@ -138,8 +138,8 @@ impl Reporter {
     }
 
     /// Progress of a sweep.
-    pub(crate) fn designs(&mut self, done: usize, total: usize) {
-        let share = done as f64 / total.max(1) as f64;
+    pub(crate) fn designs(&mut self, done: usize, in_work: f64, total: usize) {
+        let share = (done as f64 + in_work) / total.max(1) as f64;
         self.show(Phase::Rows, Some(share), |_| format!("design {done} of {total}"));
     }
 

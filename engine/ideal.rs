@@ -16,7 +16,7 @@ use beamlet_files::GeometryFile;
 use beamlet_interface::{FLAG_NOT_FINITE, Ray, RayResult};
 use beamlet_model::optics::{Optics, modulated};
 use beamlet_model::scene::Scene;
-use beamlet_simulate::run::Control;
+use beamlet_simulate::run::{Control, Simulation};
 use beamlet_simulate::trace::Tracer;
 use columns::{IdealColumns, half_period};
 pub(crate) use coverage::coverage;
@@ -133,7 +133,38 @@ pub fn ideal(
     refuse_heights(scene)?;
     parallel::start_threads()?;
     let mut preparing = Control::default().with_cancel(control.cancel.clone());
-    let simulation = engine.prepare_with(scene, &mut preparing)?;
+    ideal_of(&engine.prepare_with(scene, &mut preparing)?, scene, options, control)
+}
+
+/// Rays of the pixels of ideal images: with one sample, scenes with the same rays have the same images.
+#[derive(Debug, PartialEq)]
+pub(crate) struct IdealRays {
+    openings: Vec<Vec<[f64; 2]>>,
+    /// Share of the modulated light of each energy node.
+    weights: Vec<f64>,
+    reach: f64,
+}
+
+impl IdealRays {
+    /// Rays of a scene with the energy nodes of a simulation.
+    ///
+    /// # Errors
+    /// The scene.
+    pub(crate) fn of(scene: &Scene, simulation: &Simulation) -> Result<Self> {
+        let media = simulation.media();
+        let weights = modulated(scene, (&media.energies, &media.weights))?;
+        let IdealColumns { openings, .. } = IdealColumns::of(scene)?;
+        Ok(Self { openings, weights, reach: half_period(scene) })
+    }
+}
+
+/// As [`ideal`], of a scene whose sample a simulation has; `options` are valid.
+pub(crate) fn ideal_of(
+    simulation: &Simulation,
+    scene: &Scene,
+    options: &IdealOptions,
+    control: &mut RowsControl<'_>,
+) -> Result<IdealImages> {
     let reach = options.reach.unwrap_or_else(|| half_period(scene));
     let mut tracer = simulation.tracer_of_rays(&control.cancel)?;
     let media = simulation.media();

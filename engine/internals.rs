@@ -56,6 +56,10 @@ pub mod backend {
 pub mod memory {
     pub use beamlet_simulate::run::memory::{MemoryEstimate, estimate};
 }
+/// Designs that are lit from one walk.
+pub mod designs {
+    pub use beamlet_simulate::run::simulation::designs::{WalkKey, light};
+}
 /// Lattices.
 pub mod sampling {
     pub use beamlet_model::optics::Optics;

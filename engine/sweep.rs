@@ -23,7 +23,6 @@ mod vary;
 use crate::Engine;
 use beamlet_core::{Cancel, Error, Result};
 use beamlet_model::scene::Scene;
-use std::collections::VecDeque;
 
 use fixed::Fixed;
 pub use front::best;
@@ -120,7 +119,8 @@ impl Sweep {
     }
 
     /// Scores the designs behind those of `outcomes` and appends them; `each` gets all outcomes now and
-    /// then. A design that is refused has the reason in place of scores.
+    /// then, and the number of further designs that the work in progress amounts to. A design that is refused has the
+    /// reason in place of scores.
     ///
     /// # Errors
     /// [`Error::Interrupted`]; errors of the device; those of `each`. Designs that are finished are in `outcomes`.
@@ -130,16 +130,14 @@ impl Sweep {
         load: &Load<'_>,
         outcomes: &mut Vec<Outcome>,
         cancel: &Cancel,
-        each: &mut dyn FnMut(&[Outcome]) -> Result<()>,
+        each: &mut dyn FnMut(&[Outcome], f64) -> Result<()>,
     ) -> Result<()> {
-        let mut scoring = Scoring { sweep: self, engine, load, cancel, cache: VecDeque::new() };
+        let scoring = Scoring { sweep: self, engine, load, cancel };
         while outcomes.len() < self.designs.count() {
-            each(outcomes)?;
-            for outcome in scoring.score(outcomes.len()) {
-                outcomes.push(outcome?);
-            }
+            each(outcomes, 0.0)?;
+            scoring.score_block(outcomes, each)?;
         }
-        each(outcomes)
+        each(outcomes, 0.0)
     }
 
     /// Overrides of the scene that make a design, with photons or exposure where a quantity is fixed.

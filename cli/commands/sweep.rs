@@ -37,8 +37,8 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     let count = sweep.designs().count();
     let mut outcomes = std::mem::take(&mut record.designs);
     let mut written = Instant::now();
-    let mut each = |outcomes: &[Outcome]| {
-        reporter.designs(outcomes.len(), count);
+    let mut each = |outcomes: &[Outcome], in_work: f64| {
+        reporter.designs(outcomes.len(), in_work, count);
         if written.elapsed() > BETWEEN {
             record.write(&arguments.output, outcomes)?;
             written = Instant::now();

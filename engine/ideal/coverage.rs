@@ -1,10 +1,9 @@
 //! Shares of the light of each pixel that pass through objects.
 
 use super::{Pixels, refuse_heights};
-use crate::Engine;
 use beamlet_core::{Cancel, Result};
 use beamlet_model::scene::Scene;
-use beamlet_simulate::run::Control;
+use beamlet_simulate::run::Simulation;
 use beamlet_simulate::trace::{Ray, uncovered};
 use ndarray::Array3;
 
@@ -16,19 +15,17 @@ const AT_ONCE: usize = 1 << 11;
 const MOST: [u32; 2] = [64, 256];
 
 /// For each of some objects, by their indices, the share of the straight rays of each pixel of the ideal images of a
-/// scene that pass through it, `[view][row][column]`; `None` is any object. NaN behind bars.
+/// scene that pass through it, `[view][row][column]`; `None` is any object. NaN behind bars. `simulation` has its sample.
 ///
 /// # Errors
 /// As [`super::ideal`].
 pub(crate) fn coverage(
-    engine: &Engine,
+    simulation: &Simulation,
     scene: &Scene,
     objects: &[Option<u32>],
     cancel: &Cancel,
 ) -> Result<Vec<Array3<f32>>> {
     refuse_heights(scene)?;
-    let mut preparing = Control::default().with_cancel(cancel.clone());
-    let simulation = engine.prepare_with(scene, &mut preparing)?;
     let pixels = Pixels::of(scene, Vec::new())?;
     let total = pixels.count();
     let mut shares = vec![vec![f32::NAN; total]; objects.len()];

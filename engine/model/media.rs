@@ -50,7 +50,7 @@ impl ScatteringAxis {
 
 /// Materials by index; index 0 is the surroundings. A material that scatters along an axis has an index for each
 /// direction that objects give it.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct MaterialTable {
     /// Names.
     pub names: Vec<String>,

@@ -1,13 +1,14 @@
 //! Scores at the sample of a design: its first view is simulated without noise, retrieved, and compared with ideal images.
 
 use super::score::{Measure, SampleScore};
-use crate::ideal::coverage;
-use crate::{Engine, IdealOptions, check, ideal};
+use crate::ideal::{IdealRays, coverage, ideal_of};
+use crate::{Engine, IdealOptions, check};
 use beamlet_core::{Cancel, Error, Result, RowsControl, numbers};
 use beamlet_files::{ArraySink, StackFile, Stacks};
 use beamlet_model::scene::{Blur, Scan, Scene};
 use beamlet_recon::retrieve::{Input, RetrieveOptions, retrieve_arrays};
-use beamlet_simulate::run::Control;
+use beamlet_simulate::run::simulation::designs::light;
+use beamlet_simulate::run::{Control, Progress, Simulation};
 use ndarray::{Array3, Array4, Axis, s};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -28,18 +29,19 @@ type Images = BTreeMap<String, Array3<f32>>;
 /// Light of the first view of a design without noise, and what scores compare it with.
 #[derive(Debug)]
 pub(super) struct SampleLight {
-    /// The scene of the whole detector.
-    scene: Scene,
     /// The scene of the part of the detector that is simulated.
     part: Scene,
     flat: Arc<Array4<f32>>,
     sample: Arc<Array4<f32>>,
+    reference: Arc<Reference>,
+}
+
+/// What scores compare images with.
+#[derive(Debug)]
+struct Reference {
     /// Ideal images; empty where no score needs them.
     truth: Images,
-    /// Share of the rays of each pixel through any object.
-    any: Array3<f32>,
-    /// Share of the rays of each pixel through an object, by its name.
-    objects: BTreeMap<String, Array3<f32>>,
+    shares: Shares,
 }
 
 /// The scene of the first view of a design, without what does not change its light.
@@ -52,6 +54,8 @@ pub(super) fn first_view(scene: &Scene) -> Scene {
     scan.view_offsets.truncate(1);
     (scan.flats_every, scan.darks_every) = (None, None);
     scan.errors = Scan::default().errors;
+    // An audit changes no light.
+    one.sampling.audit = 0.0;
     one
 }
 
@@ -83,63 +87,153 @@ fn trim(scene: &Scene, any: &Array3<f32>) -> [usize; 2] {
     })
 }
 
-impl SampleLight {
-    /// The light of a scene of [`first_view`].
+/// Scenes of [`first_view`] whose light is computed together.
+#[derive(Debug)]
+pub(super) struct LightGroup {
+    pub(super) scenes: Vec<Scene>,
+    /// True if their light is that of one walk; else there is one scene.
+    pub(super) is_walked: bool,
+}
+
+impl LightGroup {
+    /// The light of each scene.
     ///
     /// # Errors
-    /// As [`Engine::run`] and [`ideal`]; [`Error::Scene`] for an object that the scene has not.
-    pub(super) fn of(
+    /// As [`Engine::run`] and [`ideal`](crate::ideal); [`Error::Scene`] for an object that a scene has not.
+    pub(super) fn light(
+        &self,
         engine: &Engine,
-        scene: Scene,
+        scores: &[&SampleScore],
+        cancel: &Cancel,
+        report: &mut dyn FnMut(f64),
+    ) -> Result<Vec<SampleLight>> {
+        let Some(first) = self.scenes.first() else { return Ok(Vec::new()) };
+        let mut preparing = Control::default().with_cancel(cancel.clone());
+        let lead = engine.prepare_with(first, &mut preparing)?;
+        let rays = self.scenes.iter().map(|scene| IdealRays::of(scene, &lead));
+        let rays = rays.collect::<Result<Vec<_>>>()?;
+        // Place of the first scene with the same rays.
+        let alike = |own: &IdealRays| rays.iter().position(|known| known == own).unwrap_or(0);
+        let alike: Vec<usize> = rays.iter().map(alike).collect();
+        let mut shares = BTreeMap::new();
+        for place in &alike {
+            if !shares.contains_key(place) {
+                shares.insert(*place, Shares::of(&lead, &self.scenes[*place], scores, cancel)?);
+            }
+        }
+        let of_scene = |(scene, place)| trim(scene, &shares[place].any);
+        let unneeded = self.scenes.iter().zip(&alike).map(of_scene);
+        let unneeded = unneeded.reduce(|[a, b], [c, d]| [a.min(c), b.min(d)]).unwrap_or([0; 2]);
+        let parts: Vec<Scene> = self.scenes.iter().map(|scene| cut(scene, unneeded)).collect();
+        let stacks = self.stacks(engine, &lead, &parts, cancel, report)?;
+        let mut references = BTreeMap::new();
+        for (place, shares) in shares {
+            let reference =
+                Reference::of(&lead, &parts[place], shares.cut(unneeded), scores, cancel)?;
+            references.insert(place, Arc::new(reference));
+        }
+        let lit = parts.into_iter().zip(stacks).zip(alike);
+        let of_scene = |((part, stacks), place): ((Scene, Stacks), usize)| SampleLight {
+            part,
+            flat: Arc::new(stacks.flat.insert_axis(Axis(0))),
+            sample: Arc::new(stacks.sample),
+            reference: Arc::clone(&references[&place]),
+        };
+        Ok(lit.map(of_scene).collect())
+    }
+
+    /// Stacks of the scenes of a part of the detector. `lead` has their sample.
+    fn stacks(
+        &self,
+        engine: &Engine,
+        lead: &Simulation,
+        parts: &[Scene],
+        cancel: &Cancel,
+        report: &mut dyn FnMut(f64),
+    ) -> Result<Vec<Stacks>> {
+        let mut progress = |progress| {
+            if let Progress::Views(views) = progress {
+                report(views.share);
+            }
+        };
+        let control = Control::default().with_cancel(cancel.clone()).with_progress(&mut progress);
+        if self.is_walked {
+            return light(&lead.of_designs(parts)?, control);
+        }
+        let mut sink = ArraySink::new();
+        engine.run(&parts[0], &mut sink, control)?;
+        Ok(vec![sink.into_stacks().ok_or(Error::Interrupted)?])
+    }
+}
+
+/// Shares of the straight rays of each pixel.
+#[derive(Debug)]
+struct Shares {
+    /// Through any object.
+    any: Array3<f32>,
+    /// Through an object, by its name.
+    objects: BTreeMap<String, Array3<f32>>,
+}
+
+impl Shares {
+    /// Those of the objects of scores.
+    fn of(
+        simulation: &Simulation,
+        scene: &Scene,
         scores: &[&SampleScore],
         cancel: &Cancel,
     ) -> Result<Self> {
         let names: Vec<&str> = scores.iter().filter_map(|score| score.object.as_deref()).collect();
-        let index = |name: &&str| object_index(&scene, name).map(Some);
+        let index = |name: &&str| object_index(scene, name).map(Some);
         let mut wanted = names.iter().map(index).collect::<Result<Vec<_>>>()?;
         wanted.push(None);
-        let mut shares = coverage(engine, &scene, &wanted, cancel)?;
-        let [columns, rows] = trim(&scene, shares.last().unwrap_or(&Array3::default((0, 0, 0))));
-        let mut part = scene.clone();
-        for (pixels, unneeded) in part.detector.pixels.iter_mut().zip([columns, rows]) {
-            *pixels -= 2 * numbers::count(unneeded);
-        }
-        for share in &mut shares {
+        let mut shares = coverage(simulation, scene, &wanted, cancel)?;
+        let any = shares.pop().unwrap_or_default();
+        Ok(Self { any, objects: names.into_iter().map(str::to_owned).zip(shares).collect() })
+    }
+
+    /// Without columns and rows at each end.
+    fn cut(mut self, [columns, rows]: [usize; 2]) -> Self {
+        for share in self.objects.values_mut().chain([&mut self.any]) {
             let (_, all_rows, all_columns) = share.dim();
             let inner = s![.., rows..all_rows - rows, columns..all_columns - columns];
             *share = share.slice(inner).to_owned();
         }
-        let any = shares.pop().unwrap_or_default();
-        let objects = names.into_iter().map(str::to_owned).zip(shares).collect();
-        let truth = match scores.iter().any(|score| score.measure.needs_truth()) {
-            false => Images::new(),
-            true => {
-                let [transmission, angle] = TRUTH;
-                let options = IdealOptions::default()
-                    .with_tolerance(transmission)
-                    .with_angle_tolerance(angle);
-                let mut control = RowsControl::default().with_cancel(cancel.clone());
-                ideal(engine, &part, &options, &mut control)?.images
-            }
-        };
-        let mut sink = ArraySink::new();
-        engine.run(&part, &mut sink, Control::default().with_cancel(cancel.clone()))?;
-        let Stacks { flat, sample, .. } = sink.into_stacks().ok_or(Error::Interrupted)?;
-        let flat = Arc::new(flat.insert_axis(Axis(0)));
-        Ok(Self { scene, part, flat, sample: Arc::new(sample), truth, any, objects })
+        self
     }
+}
 
-    /// True if it is the light of this scene of [`first_view`].
-    pub(super) fn is_of(&self, scene: &Scene) -> bool {
-        self.scene == *scene
+impl Reference {
+    /// What the images of a scene with the sample of a simulation are compared with.
+    fn of(
+        simulation: &Simulation,
+        part: &Scene,
+        shares: Shares,
+        scores: &[&SampleScore],
+        cancel: &Cancel,
+    ) -> Result<Self> {
+        if !scores.iter().any(|score| score.measure.needs_truth()) {
+            return Ok(Self { truth: Images::new(), shares });
+        }
+        let [transmission, angle] = TRUTH;
+        let options =
+            IdealOptions::default().with_tolerance(transmission).with_angle_tolerance(angle);
+        let mut control = RowsControl::default().with_cancel(cancel.clone());
+        let truth = ideal_of(simulation, part, &options, &mut control)?.images;
+        Ok(Self { truth, shares })
     }
+}
 
-    /// Bytes of its arrays.
-    pub(super) fn bytes(&self) -> usize {
-        let images = self.truth.len() + self.objects.len() + 1;
-        4 * (self.flat.len() + self.sample.len() + images * self.any.len())
+/// A scene without columns and rows at each end of its detector.
+fn cut(scene: &Scene, unneeded: [usize; 2]) -> Scene {
+    let mut part = scene.clone();
+    for (pixels, unneeded) in part.detector.pixels.iter_mut().zip(unneeded) {
+        *pixels -= 2 * numbers::count(unneeded);
     }
+    part
+}
 
+impl SampleLight {
     /// Images by the default retrieval with the weights of counts, and their uncertainties at the photons of the design.
     ///
     /// # Errors
@@ -167,15 +261,16 @@ impl SampleLight {
         score: &SampleScore,
         images: &Images,
     ) -> std::result::Result<f64, String> {
+        let Reference { truth, shares: Shares { any, objects } } = &*self.reference;
         let name = score.contrast.image();
-        let none = || Array3::from_elem(self.any.dim(), f32::NAN);
+        let none = || Array3::from_elem(any.dim(), f32::NAN);
         let image = |name: &str| images.get(name).cloned().unwrap_or_else(none);
         let (found, sigma) = (image(name), image(&format!("{name}_sigma")));
-        let truth = self.truth.get(name).cloned().unwrap_or_else(none);
-        if found.dim() != self.any.dim() {
+        let truth = truth.get(name).cloned().unwrap_or_else(none);
+        if found.dim() != any.dim() {
             return Err("the retrieved images have other pixels than the ideal ones".into());
         }
-        let share = score.object.as_ref().map_or(&self.any, |name| &self.objects[name]);
+        let share = score.object.as_ref().map_or(any, |name| &objects[name]);
         let pixels = |is_meant: &dyn Fn(f32) -> bool, share: &Array3<f32>| -> Vec<Pixel> {
             let all = share.indexed_iter().filter(|(_, share)| is_meant(**share));
             let pixel = |at| {
@@ -191,7 +286,7 @@ impl SampleLight {
             Measure::Bias => mean(&own, difference).sqrt(),
             Measure::Error => mean(&own, |pixel| difference(pixel) + variance(pixel)).sqrt(),
             Measure::ContrastToNoise => {
-                let beside = pixels(&|share| share == 0.0, &self.any);
+                let beside = pixels(&|share| share == 0.0, any);
                 if beside.is_empty() {
                     return Err("no pixel beside the sample".into());
                 }

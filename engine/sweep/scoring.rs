@@ -1,24 +1,31 @@
-//! Scores of one design after another; designs whose light is the same share it.
+//! Scores of one design after another; designs whose light is the same share it, and scenes that differ in their apertures
+//! and offsets alone are lit from one walk.
 
 use super::outcome::Design;
-use super::sample::{SampleLight, first_view};
+use super::sample::{LightGroup, SampleLight, first_view};
 use super::{Load, Outcome, SampleScore, Score, Sweep};
 use crate::Engine;
 use beamlet_core::{Cancel, Error, Result};
 use beamlet_model::scene::Scene;
+use beamlet_simulate::run::simulation::designs::WalkKey;
 use rayon::prelude::*;
-use std::collections::VecDeque;
 use std::ops::Range;
 use std::panic::resume_unwind;
-use std::sync::Arc;
-use std::thread::{self, ScopedJoinHandle};
+use std::sync::mpsc;
+use std::thread;
 
-/// Designs that are scored at once.
-const AT_ONCE: usize = 64;
-/// The same without a sample.
+/// Designs of a block. Blocks are the same whether a sweep is resumed or not, and so is the light that depends on the
+/// designs that are lit together.
+const BLOCK: usize = 64;
+/// Designs without a sample that are scored at once.
 const AT_ONCE_WITHOUT_SAMPLE: usize = 16;
-/// Most bytes of light that is kept for later designs.
-const KEPT_BYTES: usize = 256 << 20;
+/// Most scenes that are lit from one walk: each line has the light of all.
+const TOGETHER: usize = 32;
+/// Most bytes of their frames.
+const TOGETHER_BYTES: u64 = 256 << 20;
+
+/// Receives finished designs, and the number of designs whose light is computed meanwhile.
+pub(super) type Each<'a> = &'a mut dyn FnMut(&[Outcome], f64) -> Result<()>;
 
 /// The scoring of the designs of a sweep.
 pub(super) struct Scoring<'a> {
@@ -26,71 +33,157 @@ pub(super) struct Scoring<'a> {
     pub(super) engine: &'a Engine,
     pub(super) load: &'a Load<'a>,
     pub(super) cancel: &'a Cancel,
-    /// Light of earlier designs, the latest last.
-    pub(super) cache: VecDeque<Arc<SampleLight>>,
 }
 
-/// Light of a scene, or why it is refused.
-type SceneLight = (Scene, Result<Arc<SampleLight>>);
+/// A design of a block, or why it is refused; `light`: place of its light among the scenes of the block.
+struct Waiting {
+    design: Result<Design>,
+    light: Option<usize>,
+}
 
 impl Scoring<'_> {
-    /// Scores of some designs from `from` on, in their order. A design that is refused has the reason
-    /// in place of scores.
-    pub(super) fn score(&mut self, from: usize) -> Vec<Result<Outcome>> {
-        let count = self.sweep.designs.count();
+    /// Appends the outcomes of designs up to the end of a block. A design that is refused has the reason in place of scores.
+    ///
+    /// # Errors
+    /// [`Error::Interrupted`]; errors of the device; those of `each`.
+    pub(super) fn score_block(&self, outcomes: &mut Vec<Outcome>, each: Each<'_>) -> Result<()> {
+        let (from, count) = (outcomes.len(), self.sweep.designs.count());
         let scores: Vec<&SampleScore> =
             self.sweep.scores.iter().filter_map(Score::sample_score).collect();
         if scores.is_empty() {
             let designs = (from..count.min(from + AT_ONCE_WITHOUT_SAMPLE)).into_par_iter();
-            return designs.map(|design| self.outcome(self.design(design), &[])).collect();
+            let scored: Vec<_> =
+                designs.map(|design| self.outcome(self.design(design), None)).collect();
+            for outcome in scored {
+                outcomes.push(outcome?);
+            }
+            return Ok(());
         }
-        let (designs, scenes) = self.next_designs(from..count.min(from + AT_ONCE));
-        let lights = self.light(scenes, &scores);
-        let outcomes = designs.into_iter().map(|design| self.outcome(design, &lights)).collect();
-        self.keep(lights);
-        outcomes
-    }
-
-    /// Light of scenes, each on a thread of its own: loading a sample waits for the threads of rayon.
-    fn light(&self, scenes: Vec<Scene>, scores: &[&SampleScore]) -> Vec<SceneLight> {
-        let light = &|scene: &Scene| {
-            let kept = self.cache.iter().find(|light| light.is_of(scene)).cloned();
-            let simulate = || SampleLight::of(self.engine, scene.clone(), scores, self.cancel);
-            kept.map_or_else(|| simulate().map(Arc::new), Ok)
-        };
-        let lights: Vec<_> = thread::scope(|scope| {
-            let begin = |scene| thread::Builder::new().spawn_scoped(scope, move || light(scene));
-            let running: Vec<_> = scenes.iter().map(begin).collect();
-            let end = |(running, scene): (std::io::Result<ScopedJoinHandle<'_, _>>, &Scene)| {
-                match running {
-                    Ok(thread) => thread.join().unwrap_or_else(|panic| resume_unwind(panic)),
-                    // Without memory for a thread.
-                    Err(_) => light(scene),
-                }
+        let first = from - from % BLOCK;
+        let (mut waiting, scenes) = self.block(first..count.min(first + BLOCK));
+        let mut lights: Vec<Option<Result<SampleLight>>> = scenes.iter().map(|_| None).collect();
+        // Number of the last design with each light.
+        let mut last_use = vec![0; scenes.len()];
+        for (number, design) in (first..).zip(&waiting) {
+            design.light.into_iter().for_each(|light| last_use[light] = number);
+        }
+        waiting.drain(..from - first);
+        let mut groups = groups(&scenes);
+        groups.retain(|group| group.iter().any(|light| last_use[*light] >= from));
+        let mut waiting = waiting.into_iter().peekable();
+        let mut groups = groups.chunks(rayon::current_num_threads().max(1));
+        loop {
+            let is_lit = |it: &Waiting, lights: &[Option<Result<SampleLight>>]| {
+                it.light.is_none_or(|light| lights[light].is_some())
             };
-            running.into_iter().zip(&scenes).map(end).collect()
-        });
-        scenes.into_iter().zip(lights).collect()
+            while let Some(Waiting { design, light }) = waiting.next_if(|it| is_lit(it, &lights)) {
+                let own = light.and_then(|light| lights[light].as_ref());
+                outcomes.push(self.outcome(design, own)?);
+                if let Some(light) = light.filter(|light| last_use[*light] < outcomes.len()) {
+                    lights[light] = None;
+                }
+                each(outcomes, 0.0)?;
+            }
+            let Some(some) = groups.next() else { return Ok(()) };
+            let mut report = |in_work| each(outcomes, in_work);
+            self.light(some, &scenes, &scores, &mut lights, &mut report)?;
+        }
     }
 
-    /// The first of some designs, and the scenes of their light: no more than one for each thread that is not kept.
-    fn next_designs(&self, range: Range<usize>) -> (Vec<Result<Design>>, Vec<Scene>) {
-        let (mut designs, mut scenes, mut new) = (Vec::new(), Vec::new(), 0);
-        for number in range {
+    /// The designs of a block, and the scenes of their light.
+    fn block(&self, range: Range<usize>) -> (Vec<Waiting>, Vec<Scene>) {
+        let mut scenes: Vec<Scene> = Vec::new();
+        let place = |number| {
             let design = self.design(number);
-            if let Ok(design) = &design {
+            let light = design.as_ref().ok().map(|design| {
                 let scene = first_view(&design.scene);
-                if !scenes.contains(&scene) {
-                    new += usize::from(!self.cache.iter().any(|light| light.is_of(&scene)));
-                    if new > rayon::current_num_threads() {
-                        break;
-                    }
+                scenes.iter().position(|known| *known == scene).unwrap_or_else(|| {
                     scenes.push(scene);
+                    scenes.len() - 1
+                })
+            });
+            Waiting { design, light }
+        };
+        let waiting = range.map(place).collect();
+        (waiting, scenes)
+    }
+
+    /// Computes the light of some groups of scenes, by their places, each on a thread of its own: loading a sample waits
+    /// for the threads of rayon.
+    fn light(
+        &self,
+        groups: &[Vec<usize>],
+        scenes: &[Scene],
+        scores: &[&SampleScore],
+        lights: &mut [Option<Result<SampleLight>>],
+        report: &mut dyn FnMut(f64) -> Result<()>,
+    ) -> Result<()> {
+        let (sender, shares) = mpsc::channel();
+        let light = &|number: usize, group: &[usize], sender: mpsc::Sender<(usize, f64)>| {
+            let mut send = |share: f64| {
+                // Nobody receives once a report failed.
+                let _ = sender.send((number, share * group.len() as f64));
+            };
+            self.light_of_group(group, scenes, scores, &mut send)
+        };
+        let found = thread::scope(|scope| {
+            let begin = |(number, group): (usize, &Vec<usize>)| {
+                let sender = sender.clone();
+                let group = group.clone();
+                thread::Builder::new().spawn_scoped(scope, move || light(number, &group, sender))
+            };
+            let running: Vec<_> = groups.iter().enumerate().map(begin).collect();
+            drop(sender);
+            let mut in_work = vec![0.0; groups.len()];
+            let mut reported = Ok(());
+            for (number, share) in shares {
+                in_work[number] = share;
+                if reported.is_ok() {
+                    reported = report(in_work.iter().sum());
                 }
             }
-            designs.push(design);
+            let end = |running: std::io::Result<thread::ScopedJoinHandle<'_, _>>| match running {
+                Ok(thread) => Ok(thread.join().unwrap_or_else(|panic| resume_unwind(panic))),
+                Err(error) => {
+                    Err(Error::argument("sweep", error.to_string(), "memory for threads"))
+                }
+            };
+            let found = running.into_iter().map(end).collect::<Result<Vec<_>>>()?;
+            reported.map(|()| found)
+        })?;
+        for (group, found) in groups.iter().zip(found) {
+            for (light, found) in group.iter().zip(found) {
+                lights[*light] = Some(found);
+            }
         }
-        (designs, scenes)
+        Ok(())
+    }
+
+    /// Light of scenes from one walk; where one of them is refused each has its own.
+    fn light_of_group(
+        &self,
+        group: &[usize],
+        scenes: &[Scene],
+        scores: &[&SampleScore],
+        report: &mut dyn FnMut(f64),
+    ) -> Vec<Result<SampleLight>> {
+        let mut light = |places: &[usize]| {
+            let scenes: Vec<Scene> = places.iter().map(|place| scenes[*place].clone()).collect();
+            let is_walked = scenes.len() > 1 || matches!(WalkKey::of(&scenes[0]), Ok(Some(_)));
+            let group = LightGroup { scenes, is_walked };
+            group.light(self.engine, scores, self.cancel, report)
+        };
+        match light(group) {
+            Ok(lights) => lights.into_iter().map(Ok).collect(),
+            Err(error) if group.len() == 1 => vec![Err(error)],
+            Err(_) => {
+                let alone = |place: &usize| {
+                    let lights = light(std::slice::from_ref(place))?;
+                    lights.into_iter().next().ok_or(Error::Interrupted)
+                };
+                group.iter().map(alone).collect()
+            }
+        }
     }
 
     fn design(&self, number: usize) -> Result<Design> {
@@ -99,18 +192,21 @@ impl Scoring<'_> {
         Design::of(scene, self.sweep.fixed.as_ref())
     }
 
-    fn outcome(&self, design: Result<Design>, lights: &[SceneLight]) -> Result<Outcome> {
+    fn outcome(
+        &self,
+        design: Result<Design>,
+        light: Option<&Result<SampleLight>>,
+    ) -> Result<Outcome> {
         let refused = |error: &Error| Outcome::refused(error, self.sweep.scores.len());
         let design = match design {
             Err(Error::Interrupted) => return Err(Error::Interrupted),
             Err(error) => return Ok(refused(&error)),
             Ok(design) => design,
         };
-        let is_own = |(scene, _): &&SceneLight| *scene == first_view(&design.scene);
-        let light = match lights.iter().find(is_own) {
+        let light = match light {
             None => None,
-            Some((_, Ok(light))) => Some(&**light),
-            Some((_, Err(error))) => return fatal(error).map_or_else(|| Ok(refused(error)), Err),
+            Some(Ok(light)) => Some(light),
+            Some(Err(error)) => return fatal(error).map_or_else(|| Ok(refused(error)), Err),
         };
         let scores = &self.sweep.scores;
         match Outcome::of(self.engine, &design, scores, light, self.cancel) {
@@ -118,17 +214,30 @@ impl Scoring<'_> {
             Err(error) => fatal(&error).map_or_else(|| Ok(refused(&error)), Err),
         }
     }
+}
 
-    fn keep(&mut self, lights: Vec<SceneLight>) {
-        for light in lights.into_iter().filter_map(|(_, light)| light.ok()) {
-            if !self.cache.iter().any(|kept| Arc::ptr_eq(kept, &light)) {
-                self.cache.push_back(light);
+/// Groups of scenes that are lit together, by their places, in the order of their first ones.
+fn groups(scenes: &[Scene]) -> Vec<Vec<usize>> {
+    let mut groups: Vec<(Option<WalkKey>, usize, Vec<usize>)> = Vec::new();
+    for (place, scene) in scenes.iter().enumerate() {
+        // A scene that is refused has its reason where its light is computed.
+        let key = WalkKey::of(scene).ok().flatten();
+        let [columns, rows] = scene.detector.pixels.map(u64::from);
+        let frames = 8 * columns * rows * scene.mask_steps() as u64;
+        let most = usize::try_from(TOGETHER_BYTES / frames.max(1)).unwrap_or(TOGETHER);
+        let most = most.clamp(1, TOGETHER);
+        let open = groups.iter_mut().find(|(of_group, room, group)| {
+            key.is_some() && *of_group == key && group.len() < most.min(*room)
+        });
+        match open {
+            Some((_, room, group)) => {
+                *room = most.min(*room);
+                group.push(place);
             }
-        }
-        while self.cache.iter().map(|light| light.bytes()).sum::<usize>() > KEPT_BYTES {
-            self.cache.pop_front();
+            None => groups.push((key, most, vec![place])),
         }
     }
+    groups.into_iter().map(|(_, _, group)| group).collect()
 }
 
 /// The error that ends a sweep and refuses no design.

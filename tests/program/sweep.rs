@@ -34,7 +34,7 @@ fn swept(
     sweep.prepare(&load).unwrap();
     let count = sweep.designs().count();
     let mut outcomes = Vec::new();
-    sweep.complete(engine, &load, &mut outcomes, &Cancel::default(), &mut |_| Ok(())).unwrap();
+    sweep.complete(engine, &load, &mut outcomes, &Cancel::default(), &mut |_, _| Ok(())).unwrap();
     let scene = |design| load(&sweep.sets(design, &outcomes[design])).unwrap();
     let scenes = (0..count).map(scene).collect();
     (scenes, outcomes)

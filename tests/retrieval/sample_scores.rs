@@ -45,7 +45,7 @@ fn scored(
     sweep.prepare(load).unwrap();
     let mut outcomes = Vec::new();
     let engine = engine(Backend::Bvh);
-    sweep.complete(&engine, load, &mut outcomes, &Cancel::default(), &mut |_| Ok(())).unwrap();
+    sweep.complete(&engine, load, &mut outcomes, &Cancel::default(), &mut |_, _| Ok(())).unwrap();
     assert!(outcomes.iter().all(|outcome| outcome.refused.is_none()), "{outcomes:?}");
     outcomes
 }

@@ -9,6 +9,7 @@ mod apertures;
 mod audit;
 mod borders;
 mod counts;
+mod designs;
 mod determinism;
 mod estimated;
 mod foam;

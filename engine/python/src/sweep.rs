@@ -25,8 +25,8 @@ pub(crate) fn sweep(
             let mut sweep = Sweep::new(&vary, &score, fix.as_deref())?;
             sweep.prepare(&load)?;
             let (count, mut outcomes) = (sweep.designs().count() as f64, Vec::new());
-            let mut each = |outcomes: &[Outcome]| {
-                watch.report("designs", Some(outcomes.len() as f64 / count));
+            let mut each = |outcomes: &[Outcome], in_work: f64| {
+                watch.report("designs", Some((outcomes.len() as f64 + in_work) / count));
                 Ok(())
             };
             sweep.complete(&engine, &load, &mut outcomes, watch.cancel(), &mut each)?;

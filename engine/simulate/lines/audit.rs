@@ -19,7 +19,9 @@ use super::light::Illumination;
 use super::line::{Piece, Source};
 use super::patches::{LEAST, LinePatch};
 use super::window_light::WindowLight;
-use crate::sampling::{Fall, Opening, Response, StripPair, StripResponses, ViewContext};
+use crate::sampling::{
+    ColumnOpenings, Fall, Opening, Response, StripPair, StripResponses, ViewContext,
+};
 use crate::trace::Tracer;
 use beamlet_core::numbers::single;
 use beamlet_core::random::Draws;
@@ -72,7 +74,7 @@ pub(super) struct Auditor<'a> {
     pub view: &'a ViewContext<'a>,
     pub illumination: &'a Illumination<'a>,
     /// Openings of the beamlets of the lattice.
-    pub openings: &'a [Vec<Opening>],
+    pub openings: &'a [ColumnOpenings],
     /// Materials scatter.
     pub scatters: bool,
 }
@@ -186,7 +188,7 @@ impl<'a> Auditor<'a> {
 
     /// Response whose windows and mask steps light is compared in.
     fn response(&self) -> &'a Response {
-        let response = self.view.response;
+        let response = self.view.responses.first();
         response.strips.as_ref().map_or(response, |it| &it.detector[0].response)
     }
 
@@ -197,7 +199,8 @@ impl<'a> Auditor<'a> {
 
     /// Rows where light of a patch lands that is not thrown far, from that of the patch.
     fn rows_aside(&self) -> RangeInclusive<i64> {
-        let of_parts = self.view.response.strips.as_ref().map_or(0.0, StripResponses::reach);
+        let of_parts =
+            self.view.responses.first().strips.as_ref().map_or(0.0, StripResponses::reach);
         let reach = (NO_LIGHT * self.view.lattice.row_blur()).max(of_parts);
         let farthest = numbers::whole::<i64>(reach.ceil().max(1.0));
         -farthest..=farthest
@@ -219,7 +222,7 @@ impl<'a> Auditor<'a> {
             if !(0..all).contains(&rows.start) {
                 continue;
             }
-            if let Some(strips) = &self.view.response.strips {
+            if let Some(strips) = &self.view.responses.first().strips {
                 self.add_behind_strips(strips, [column as i64, row], parts, &rows, sum);
                 continue;
             }
@@ -227,7 +230,7 @@ impl<'a> Auditor<'a> {
                 let [top, bottom] = part.landing.map(|z| row as f64 + z);
                 part.weight * lattice.share_in_rows([top - LEAST, bottom + LEAST], &rows)
             };
-            let openings = &self.openings[column];
+            let openings = self.openings[column].first();
             add_shares(self.illumination, column, openings, parts, share, sum);
         }
     }
@@ -243,7 +246,7 @@ impl<'a> Auditor<'a> {
     ) {
         let (column, row) = (numbers::narrow(column), row as f64);
         for before in &strips.sample {
-            let openings = self.view.response.openings_of(&before.openings, column);
+            let openings = self.view.responses.first().openings_of(&before.openings, column);
             let is_alike = |a: &Opening, b: &Opening| a.step == b.step || !before.ends();
             for behind in &strips.detector {
                 let illumination = self.illumination.with_response(&behind.response);

@@ -13,7 +13,7 @@ mod changes;
 mod columns;
 
 use super::line::{NARROWEST, PER_JUMP};
-use crate::sampling::{Landed, Opening, ViewContext};
+use crate::sampling::{ColumnOpenings, Landed, Opening, Response, ViewContext};
 use beamlet_core::numbers::{self, single};
 use beamlet_core::random::GOLDEN;
 use beamlet_interface::{Ray, RayResult};
@@ -184,8 +184,8 @@ impl<'a> EvenSampler<'a> {
     }
 
     /// A patch of the first trial.
-    pub(super) fn begin(&self, beamlet: i64, row: i64, openings: &[Opening]) -> EvenPatch {
-        self.patch([beamlet, row], openings, FIRST, 1)
+    pub(super) fn begin(&self, beamlet: i64, row: i64, openings: &ColumnOpenings) -> EvenPatch {
+        self.patch([beamlet, row], &openings.widest, FIRST, 1)
     }
 
     /// A patch of about this number of rays.
@@ -201,7 +201,7 @@ impl<'a> EvenSampler<'a> {
         let wanted = numbers::whole::<u32>(f64::from(count).sqrt() / 2.0).max(FEWEST_LINES);
         let lines = 1 << wanted.ilog2();
         let half = 0.5 * single(self.view.lattice.period);
-        let leak = self.view.response.lit(0.0);
+        let leak = self.view.responses.lit(0.0);
         let borders = columns(openings, half, leak, count.div_ceil(lines).max(1));
         let results = Vec::new();
         EvenPatch { beamlet, row, borders, lines, trial, results, rays: 0, error: 0.0 }
@@ -212,7 +212,7 @@ impl<'a> EvenSampler<'a> {
         &self,
         patch: &mut EvenPatch,
         results: &[RayResult],
-        openings: &[Opening],
+        openings: &ColumnOpenings,
         bodies: &Bodies,
     ) -> Next {
         patch.results = results.to_vec();
@@ -224,11 +224,11 @@ impl<'a> EvenSampler<'a> {
         let possible = count.min(left).min(numbers::whole(most));
         let trial = if is_settled { 0 } else { patch.trial.max(1) + 1 };
         let place = [patch.beamlet, patch.row];
-        let mut new = self.patch(place, openings, possible, trial);
+        let mut new = self.patch(place, &openings.widest, possible, trial);
         // Rays fill whole lines and gaps.
         let over = new.count().saturating_sub(left);
         if over > 0 {
-            new = self.patch(place, openings, possible.saturating_sub(over), trial);
+            new = self.patch(place, &openings.widest, possible.saturating_sub(over), trial);
         }
         let is_no_gain = possible < count && possible <= patch.count();
         if is_no_gain || new.count() > left {
@@ -238,7 +238,7 @@ impl<'a> EvenSampler<'a> {
         next
     }
 
-    fn next(&self, patch: &mut EvenPatch, openings: &[Opening], bodies: &Bodies) -> Next {
+    fn next(&self, patch: &mut EvenPatch, openings: &ColumnOpenings, bodies: &Bodies) -> Next {
         let samples = self.samples(patch);
         let is_few = bodies.count <= MOST_OF_LINES;
         if patch.trial == 1 && is_few && !self.is_unresolved(&samples) {
@@ -247,7 +247,8 @@ impl<'a> EvenSampler<'a> {
         let budget = self.view.budget.light;
         let steps = self.changes(&samples, openings, patch.lines);
         patch.error = steps.iter().map(Changes::error).fold(0.0, f64::max);
-        let seen: Vec<&Sample> = samples.iter().filter(|it| self.is_seen(it, openings)).collect();
+        let seen: Vec<&Sample> =
+            samples.iter().filter(|it| self.is_seen(it, &openings.widest)).collect();
         let hides = seen.iter().any(|it| {
             let apart = f64::from(it.width() / patch.lines as f32);
             let worth = PER_JUMP * f64::from(it.area * it.passed);
@@ -272,7 +273,7 @@ impl<'a> EvenSampler<'a> {
     /// The rays of a patch by their places along x.
     fn samples(&self, patch: &EvenPatch) -> Vec<Sample> {
         let column = self.view.lattice.column(patch.beamlet);
-        let response = self.view.response;
+        let response = self.view.responses.first();
         let of = |EvenCell { x: cell, z, ray, result }: EvenCell| {
             let down = f64::from(self.view.down(&result));
             let lands = |down: f64| {
@@ -299,12 +300,22 @@ impl<'a> EvenSampler<'a> {
         samples
     }
 
-    /// Change of the light of a ray if it had this light and displacement.
-    fn change(&self, own: &Sample, [passed, displacement]: [f32; 2]) -> f64 {
-        let response = self.view.response;
+    /// Change of the light of a ray if it had this light and displacement, in each of the distinct windows.
+    fn changes_in_windows(
+        &self,
+        own: &Sample,
+        [passed, displacement]: [f32; 2],
+    ) -> impl Iterator<Item = f64> {
+        let response = self.view.responses.first();
         let at = response.landing(own.column, own.x, displacement);
         let half = 0.5 * response.magnification.abs() * own.width();
-        response.change(own.column, [own.landed, Landed { light: passed, at }], half).into()
+        let results = [own.landed, Landed { light: passed, at }];
+        self.view.responses.changes(own.column, results, half).map(f64::from)
+    }
+
+    /// The largest of these changes.
+    fn change(&self, own: &Sample, result: [f32; 2]) -> f64 {
+        self.changes_in_windows(own, result).fold(0.0, f64::max)
     }
 
     /// True if rays cross many surfaces, and their neighbours do not predict their light.
@@ -323,9 +334,9 @@ impl<'a> EvenSampler<'a> {
         missed > UNLIKE * differ
     }
 
-    /// Shares of a cell that mask steps open.
-    fn shares(&self, sample: &Sample, openings: &[Opening]) -> Vec<f32> {
-        let mut shares = vec![0.0; self.view.response.steps()];
+    /// Shares of a cell that the mask steps of a judge open.
+    fn shares(sample: &Sample, openings: &[Opening], steps: usize) -> Vec<f32> {
+        let mut shares = vec![0.0; steps];
         for opening in openings {
             let open = sample.cell[1].min(opening.x[1]) - sample.cell[0].max(opening.x[0]);
             shares[opening.step as usize] += (open / sample.width()).max(0.0);
@@ -336,33 +347,40 @@ impl<'a> EvenSampler<'a> {
     /// True if some step opens a part of a cell, or bars let light through it.
     fn is_seen(&self, sample: &Sample, openings: &[Opening]) -> bool {
         let [low, high] = sample.cell;
-        self.view.response.lit(0.0) > 0.0
+        self.view.responses.lit(0.0) > 0.0
             || openings.iter().any(|it| it.x[0] < high && it.x[1] > low)
     }
 
-    /// Changes of the light between rays, by mask step.
-    fn changes(&self, samples: &[Sample], openings: &[Opening], lines: u32) -> Vec<Changes> {
-        let mut steps = vec![Changes::default(); self.view.response.steps()];
-        for (at, sample) in samples.iter().enumerate().filter(|(_, it)| self.is_seen(it, openings))
-        {
-            let change = |apart: usize| {
+    /// Changes of the light between rays, by judge and mask step.
+    fn changes(&self, samples: &[Sample], openings: &ColumnOpenings, lines: u32) -> Vec<Changes> {
+        let responses = self.view.responses;
+        let mut all = vec![Changes::default(); responses.judges().map(Response::steps).sum()];
+        let is_seen = |it: &&Sample| self.is_seen(it, &openings.widest);
+        for (at, sample) in samples.iter().enumerate().filter(|(_, it)| is_seen(it)) {
+            let changes = [1, 2].map(|apart| {
                 let other = samples.get(at + apart)?;
+                let result = [other.passed, other.displacement];
                 let is_beside = sample.is_beside(other, apart, lines);
-                is_beside.then(|| self.change(sample, [other.passed, other.displacement]))
-            };
-            let changes = [change(1), change(2)];
-            for (all, share) in steps.iter_mut().zip(self.shares(sample, openings)) {
-                let weight =
-                    f64::from(self.view.response.lit(share.min(1.0)) * sample.area).powi(2);
-                all.areas += weight;
-                for (apart, change) in changes.iter().enumerate() {
-                    if let Some(change) = change {
-                        all.weights[apart] += weight;
-                        all.squares[apart] += weight * change * change;
+                is_beside.then(|| self.changes_in_windows(sample, result).collect::<Vec<f64>>())
+            });
+            let mut rest = &mut all[..];
+            for (judge, response) in responses.judges().enumerate() {
+                let (steps, others) = rest.split_at_mut(response.steps());
+                rest = others;
+                let windows = responses.windows_of(judge);
+                let shares = Self::shares(sample, &openings.judges[judge], steps.len());
+                for (step, share) in steps.iter_mut().zip(shares) {
+                    let weight = f64::from(response.lit(share.min(1.0)) * sample.area).powi(2);
+                    step.areas += weight;
+                    for (apart, change) in changes.iter().enumerate() {
+                        if let Some(change) = change {
+                            step.weights[apart] += weight;
+                            step.squares[apart] += weight * change[windows] * change[windows];
+                        }
                     }
                 }
             }
         }
-        steps
+        all
     }
 }

@@ -4,8 +4,7 @@ use super::heights::{Draws, Judged};
 use super::line::{Neighbours, PER_BEND, PER_JUMP, Piece, Source, open_share};
 use super::window_light::{Values, WindowLight};
 use crate::sampling::{Landed, Opening, Response, ViewContext};
-use crate::trace::component_hash;
-use beamlet_core::numbers::{self, single};
+use beamlet_core::numbers::single;
 use beamlet_interface::{FLAG_NOT_FINITE, NO_LIGHT, RayResult};
 use std::ops::Range;
 
@@ -34,9 +33,9 @@ pub(crate) struct LitLine {
     /// Light that windows receive.
     pub light: WindowLight,
     /// Light times displacement along x, by mask step, as an error of light.
-    displaced: Vec<f32>,
+    pub(super) displaced: Vec<f32>,
     /// Light times displacement, rows downwards, by mask step.
-    moved: Vec<f32>,
+    pub(super) moved: Vec<f32>,
     /// Largest displacement of its light along z, rows.
     pub farthest: f32,
     /// Estimated error by exact rays, of the worst mask step.
@@ -44,7 +43,7 @@ pub(crate) struct LitLine {
     /// Rays that were traced.
     pub rays: u32,
     /// Hash of the surfaces that its rays cross, in their order.
-    structure: u32,
+    pub(super) structure: u32,
     /// Rays of the line cross different surfaces.
     pub is_cut: bool,
     /// Rays that draw normals.
@@ -99,14 +98,15 @@ pub(crate) struct Illumination<'a> {
 }
 
 impl<'a> Illumination<'a> {
-    pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
+    /// Light behind the masks of a design.
+    pub(super) fn new(view: &'a ViewContext<'a>, response: &'a Response) -> Self {
         let recorded = view.recorded_rows();
         // Light may land in the row beside between two lines.
         let beside = 1.0 + NO_LIGHT * view.lattice.row_blur();
         // An error of the mean displacement, times the light of the widest opening, counts as one of light.
-        let open = view.response.openings(0);
+        let open = response.openings(0);
         let widest = open.iter().map(|it| it.x[1] - it.x[0]).fold(0.0, f32::max);
-        let through = f64::from(widest * view.response.weight);
+        let through = f64::from(widest * response.weight);
         let by_displacement = if view.budget.displacement.is_finite() {
             single(view.budget.light / (view.budget.displacement * through))
         } else {
@@ -114,7 +114,7 @@ impl<'a> Illumination<'a> {
         };
         Self {
             view,
-            response: view.response,
+            response,
             rows: recorded.start as f64 - beside..recorded.end as f64 + beside,
             by_displacement,
         }
@@ -135,35 +135,11 @@ impl<'a> Illumination<'a> {
         self.view.down(&piece.result)
     }
 
-    /// Light of a line of a column of the lattice at a row coordinate.
-    pub(crate) fn of(
-        &self,
-        column: usize,
-        row: f64,
-        openings: &[Opening],
-        pieces: Vec<Piece>,
-    ) -> LitLine {
-        let ratio = self.view.delta_ratio();
-        let is_recorded = |piece: &Piece| {
-            let down = f64::from(self.down(piece));
-            self.rows.contains(&(row + down * ratio)) || self.rows.contains(&(row + down))
-        };
-        let recorded = pieces.iter().filter(|piece| is_recorded(piece)).map(|piece| (piece, 1.0));
-        let mut light = self.pass(column, openings, recorded);
-        let rays = pieces.iter().filter(|it| it.source != Source::FirstOrder).count();
-        light.rays = numbers::count(rays);
-        let refracted = pieces.iter().filter(|piece| piece.result.crossings > 0);
-        light.farthest = refracted.map(|piece| self.down(piece).abs()).fold(0.0, f32::max);
-        for same in pieces.chunk_by(|a, b| a.result.signature == b.result.signature) {
-            light.is_cut |= same.len() < pieces.len();
-            light.structure = component_hash(light.structure ^ same[0].result.signature);
-        }
-        let squares =
-            (0..pieces.len()).map(|at| self.error_of(column, openings, &pieces, at).powi(2));
-        light.error = squares.sum::<f64>().sqrt();
-        light.draws = self.draws(column, row, openings, &pieces);
-        light.pieces = pieces;
-        light
+    /// True if light of a piece at a row coordinate may land where it is recorded.
+    pub(super) fn is_recorded(&self, row: f64, piece: &Piece) -> bool {
+        let down = f64::from(self.down(piece));
+        let farthest = down * self.view.delta_ratio();
+        self.rows.contains(&(row + farthest)) || self.rows.contains(&(row + down))
     }
 
     /// Values of the light of shares of pieces of a column of the lattice that passes masks and windows; nothing else of
@@ -211,7 +187,13 @@ impl<'a> Illumination<'a> {
     }
 
     /// Rays that draw normals on a line.
-    fn draws(&self, column: usize, row: f64, openings: &[Opening], pieces: &[Piece]) -> Draws {
+    pub(super) fn draws(
+        &self,
+        column: usize,
+        row: f64,
+        openings: &[Opening],
+        pieces: &[Piece],
+    ) -> Draws {
         let response = self.response;
         let mut draws = Draws::default();
         let landed = |piece: &Piece| {

@@ -4,7 +4,8 @@
 //! - `patch_places`: patches on which shadows fall (`tests/sampling/traps.rs`).
 //! - `by_facets`, `by_shapes`: surfaces that the plane of a line cuts (`tests/sampling/truth/`, `rims.rs`).
 //! - `sections`: pieces of a line between the ends of these surfaces (`tilted_faces.rs`, `level_faces.rs`).
-//! - `line`, `window_light`, `light`: a line, and its light by the windows that it reaches (`estimated.rs`).
+//! - `line`, `window_light`, `light`: a line, and its light by the windows that it reaches (`estimated.rs`);
+//!   `combined_light`: behind the masks of several designs (`designs.rs`).
 //! - `heights`: lines of a row, and the error of their sum (`heights/tests.rs`, `tests/physics/waves/heights.rs`).
 //! - `even`: evenly spread rays among many bodies (`unresolved.rs`, `foam.rs`).
 //! - `patches`: lines or rays of patches (`kinds.rs`, `borders.rs`).
@@ -14,6 +15,7 @@
 mod audit;
 mod by_facets;
 mod by_shapes;
+mod combined_light;
 mod even;
 mod heights;
 mod light;

@@ -1,13 +1,14 @@
 //! Patches: heights of their lines, or rays of those whose bodies are many, and errors.
 
 use super::audit::Auditor;
+use super::combined_light::CombinedIllumination;
 use super::even::{EvenPatch, EvenSampler, Next};
 use super::heights::{Heights, Limits, Uneven};
-use super::light::{Illumination, LitLine};
+use super::light::LitLine;
 use super::line::{LinePlace, MOST_PIECES, NARROWEST, Piece, Source, incline};
 use super::patch_places::PatchPlaces;
 use super::sections::SurfaceLines;
-use crate::sampling::{Opening, ViewContext, safety, tally_of};
+use crate::sampling::{ColumnOpenings, ViewContext, safety, tally_of};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
@@ -104,17 +105,17 @@ fn follows(a: &LinePlace, b: &LinePlace) -> bool {
 pub(crate) struct LineSampler<'a> {
     view: &'a ViewContext<'a>,
     surfaces: SurfaceLines<'a>,
-    illumination: Illumination<'a>,
+    illumination: CombinedIllumination<'a>,
     even: EvenSampler<'a>,
     limits: Limits,
     /// Openings of the beamlets of the lattice.
-    openings: Vec<Vec<Opening>>,
+    openings: Vec<ColumnOpenings>,
 }
 
 impl<'a> LineSampler<'a> {
     pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
         let limits = Limits {
-            error: safety(view.response.steps()) * view.budget.light,
+            error: safety(view.responses.fewest_steps()) * view.budget.light,
             lines: view.budget.max_rays as usize,
             reach: REACH * view.lattice.row_blur(),
             uneven: uneven(view),
@@ -126,9 +127,9 @@ impl<'a> LineSampler<'a> {
             view,
             surfaces: SurfaceLines::new(view),
             even: EvenSampler::new(view),
-            illumination: Illumination::new(view),
+            illumination: CombinedIllumination::new(view),
             limits,
-            openings: (0..columns).map(|column| view.response.openings(column)).collect(),
+            openings: (0..columns).map(|column| view.responses.openings(column)).collect(),
         }
     }
 
@@ -180,7 +181,7 @@ impl<'a> LineSampler<'a> {
     fn auditor(&self) -> Auditor<'_> {
         Auditor {
             view: self.view,
-            illumination: &self.illumination,
+            illumination: self.illumination.first(),
             openings: &self.openings,
             scatters: self.view.facets.steps.iter().any(|step| step.scattering.abs() > 0.0),
         }
@@ -288,7 +289,7 @@ impl<'a> LineSampler<'a> {
     fn lines(&self, tracer: &mut Tracer, places: &[LinePlace]) -> Result<Vec<Arc<LitLine>>> {
         let view = self.view;
         let column = |place: &LinePlace| self.view.lattice.column(place.beamlet);
-        let openings = |beamlet: i64| &self.openings[self.view.lattice.column(beamlet)][..];
+        let openings = |beamlet: i64| &self.openings[self.view.lattice.column(beamlet)].widest[..];
         let cancel = tracer.cancel().clone();
         let of_run = |run: &&[LinePlace]| {
             cancel.check()?;
@@ -331,14 +332,15 @@ impl<'a> LineSampler<'a> {
         let light = lines.into_par_iter().zip(places).map(|(pieces, place)| {
             cancel.check()?;
             let openings = &self.openings[column(place)];
-            Ok(Arc::new(self.illumination.of(column(place), place.row, openings, pieces)))
+            let light = self.illumination.illuminate(column(place), place.row, openings, pieces);
+            Ok(Arc::new(light))
         });
         light.collect()
     }
 
     /// Splits pieces whose rays do not say enough.
     fn split(&self, column: usize, pieces: &mut Vec<Piece>) {
-        let openings = &self.openings[column];
+        let openings = &self.openings[column].widest;
         let limit = BY_RAYS * self.limits.error;
         let is_split = |at: &usize| {
             let piece = &pieces[*at];

@@ -19,6 +19,29 @@ impl WindowLight {
         Self { first: 0, each, values: Vec::new() }
     }
 
+    /// Values of the windows of each of some lights, one light after another.
+    pub(super) fn join(parts: &[Self]) -> Self {
+        let each = parts.iter().map(|part| part.each).sum();
+        let numbers = parts.iter().flat_map(|part| part.windows().map(|(number, _)| number));
+        let ends = numbers.fold(None, |ends: Option<[i64; 2]>, number| {
+            let [low, high] = ends.unwrap_or([number; 2]);
+            Some([low.min(number), high.max(number)])
+        });
+        let mut joined = Self::new(each);
+        let Some([low, high]) = ends else { return joined };
+        joined.window(low);
+        joined.window(high);
+        let mut before = 0;
+        for part in parts {
+            for (number, values) in part.windows() {
+                let own = &mut joined.window(number)[before..before + part.each];
+                own.copy_from_slice(values);
+            }
+            before += part.each;
+        }
+        joined
+    }
+
     /// Values by window, kind and mask step.
     pub(super) fn values(&self) -> Values<'_> {
         Values { first: self.first * self.each as i64, values: &self.values }
@@ -116,5 +139,22 @@ mod tests {
         other.add(&light);
         other.scale(2.0);
         assert!((other.values().at(17) - 9.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn joined_light_has_the_values_of_each_window_side_by_side() {
+        let [mut one, mut two] = [WindowLight::new(1), WindowLight::new(2)];
+        one.window(4)[0] = 1.0;
+        two.window(2)[1] = 2.0;
+        two.window(4)[0] = 3.0;
+        let joined = WindowLight::join(&[one, WindowLight::new(1), two]);
+        let found: Vec<(i64, Vec<u32>)> = joined
+            .windows()
+            .map(|(number, values)| {
+                (number, values.iter().map(|it| numbers::whole((*it).into())).collect())
+            })
+            .collect();
+        let want = [(2, vec![0, 0, 0, 2]), (3, vec![0; 4]), (4, vec![1, 0, 3, 0])];
+        assert_eq!(found, want);
     }
 }

@@ -57,7 +57,21 @@ pub fn estimate(
     limit: Option<u64>,
     band_rows: Option<u32>,
 ) -> Result<MemoryEstimate> {
-    Needs::of(scene, objects)?.within(scene, limit, band_rows)
+    estimate_together(scene, objects, limit, band_rows, 1)
+}
+
+/// As [`estimate`], of a number of scenes like this one that are lit together.
+///
+/// # Errors
+/// As [`estimate`].
+pub(crate) fn estimate_together(
+    scene: &Scene,
+    objects: &[ObjectSummary],
+    limit: Option<u64>,
+    band_rows: Option<u32>,
+    scenes: u64,
+) -> Result<MemoryEstimate> {
+    Needs::of(scene, objects)?.of_scenes(scenes).within(scene, limit, band_rows)
 }
 
 /// As [`estimate`]; `cells_at_once`: cells of lines that are in memory together.

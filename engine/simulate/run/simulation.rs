@@ -2,6 +2,7 @@
 
 mod backend;
 pub mod cells;
+pub mod designs;
 mod detection;
 mod estimate;
 mod light;
@@ -15,7 +16,7 @@ use crate::run::Control;
 use crate::run::edge_blur::bounded;
 use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
-use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response};
+use crate::sampling::{self, ErrorBudget, Lattice, ProjectedBounds, Response, Responses};
 use crate::trace::{DeviceSample, Tracer};
 use crate::wave;
 pub use backend::choose;
@@ -43,10 +44,10 @@ pub struct Simulation {
     scene: Arc<Scene>,
     /// The detector; its optics are traced and illuminated.
     detector: DetectorModel,
-    sample: Sample,
+    sample: Arc<Sample>,
     on_device: Arc<DeviceSample>,
     /// Surfaces of the sample, for means over facets.
-    facets: sampling::SampleFacets,
+    facets: Arc<sampling::SampleFacets>,
     media: MaterialTable,
     lattice: Lattice,
     light: LightKind,
@@ -70,7 +71,7 @@ impl Simulation {
 
     /// Geometry of the sample.
     #[must_use]
-    pub const fn sample(&self) -> &Sample {
+    pub fn sample(&self) -> &Sample {
         &self.sample
     }
 
@@ -132,6 +133,11 @@ impl Simulation {
         }
     }
 
+    /// Effect of changes of a cell on recorded values of a view, of designs that are lit together.
+    fn responses(designs: &[Self], view: Exposure) -> Responses {
+        Responses::new(designs.iter().map(|design| design.response(view)).collect())
+    }
+
     /// Effect of changes of a cell on recorded values at the mask offsets of a view.
     fn response(&self, view: Exposure) -> Arc<Response> {
         let optics = self.detector.optics();
@@ -150,7 +156,7 @@ impl Simulation {
     fn pose_context<'a>(
         &'a self,
         pose: &'a Pose,
-        response: &'a Response,
+        responses: &'a Responses,
     ) -> sampling::ViewContext<'a> {
         let optics = self.detector.optics();
         sampling::ViewContext {
@@ -162,7 +168,7 @@ impl Simulation {
             pose: pose.index,
             projected_bounds: &pose.shadows,
             recording: self.light.spectrum().map(|spectrum| &spectrum.recording),
-            response,
+            responses,
             budget: self.budget,
         }
     }
@@ -231,13 +237,13 @@ impl Simulation {
         warnings.iter().for_each(|text| log::warn!("{text}"));
         let mut views = stack::views_of_part(&self.scene, control.views)?;
         views.retain(|view| !control.skip.contains(view));
-        let mut work = ViewWork::new(self, &views, &control.cancel)?;
+        let mut work = ViewWork::new(std::slice::from_ref(self), &views, &control.cancel)?;
         // Last of all, so that a run that cannot start writes nothing.
         sink.begin(&self.scene, &self.start)?;
         let prepared = self.device().traffic();
         let (mut first, mut before, mut counted) = (prepared, Tally::default(), control.counted);
         for view in &views {
-            work.view(*view, sink, &mut control)?;
+            work.view(*view, &mut [sink], &mut control)?;
             let tally = work.tally();
             let own = tally.since(before);
             sink.tally(*view, &own)?;

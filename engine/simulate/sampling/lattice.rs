@@ -246,6 +246,25 @@ impl Lattice {
         Self { beamlets, direct, ..grouped }
     }
 
+    /// The lattice without its reach along x, rows that are alike, and width of cells, in which lattices of one walk may
+    /// differ.
+    pub(crate) fn without_reach(self) -> Self {
+        Self { cells: 1, alike_rows: 1, beamlets: 0..0, direct: 0..0, ..self }
+    }
+
+    /// The lattice with the beamlets of another one as well, which differs from it in its reach alone.
+    pub(crate) fn covering(&self, other: &Self) -> Self {
+        let both = |a: &Range<i64>, b: &Range<i64>| a.start.min(b.start)..a.end.max(b.end);
+        Self {
+            cells: self.cells.max(other.cells),
+            // Powers of two.
+            alike_rows: self.alike_rows.min(other.alike_rows),
+            beamlets: both(&self.beamlets, &other.beamlets),
+            direct: both(&self.direct, &other.direct),
+            ..self.clone()
+        }
+    }
+
     /// Column of a beamlet: its place in `beamlets`.
     pub(crate) fn column(&self, beamlet: i64) -> usize {
         numbers::narrow::<usize>(beamlet - self.beamlets.start)

@@ -129,6 +129,37 @@ impl Response {
         Self { windows, leak, steps, ..self.clone() }
     }
 
+    /// True if at each mask step both masks are open nearly where they are at a step of another response: edges are
+    /// nearer to its edges than a share of the narrower aperture.
+    pub(super) fn is_near(&self, other: &Self, share: f32) -> bool {
+        let is_near = |a: &[f32; 2], b: &[f32; 2]| {
+            let narrower = (a[1] - a[0]).min(b[1] - b[0]);
+            (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < share * narrower
+        };
+        let windows_are_near = |(a, b): (&Windows, &Windows)| {
+            a.ends.len() == b.ends.len() && a.ends.iter().zip(&b.ends).all(|(a, b)| is_near(a, b))
+        };
+        self.leak.to_bits() == other.leak.to_bits()
+            && self.windows.len() == other.windows.len()
+            && self.windows.iter().zip(&other.windows).all(windows_are_near)
+            && self
+                .openings
+                .iter()
+                .all(|own| other.openings.iter().any(|it| is_near(&own.x, &it.x)))
+    }
+
+    /// Width of all openings and windows, m: where it is larger, more light counts.
+    pub(super) fn open_width(&self) -> f32 {
+        let openings = self.openings.iter().map(|opening| opening.x[1] - opening.x[0]);
+        let windows = self.windows.iter().flat_map(|it| &it.ends).map(|[low, high]| high - low);
+        openings.chain(windows).sum()
+    }
+
+    /// True if the windows are those of another response, behind the same bars of the sample mask.
+    pub(super) fn has_windows_of(&self, other: &Self) -> bool {
+        self.windows == other.windows && self.leak.to_bits() == other.leak.to_bits()
+    }
+
     /// Largest change of the share of light that passes a window, per displacement, 1/m.
     pub(crate) fn steepest(&self) -> f64 {
         let shares: f32 = self.windows.iter().map(|windows| windows.share).sum();

@@ -4,7 +4,7 @@ use super::error_budget::ErrorBudget;
 use super::lattice::Lattice;
 use super::moment_recording::MomentRecording;
 use super::projected_bounds::ProjectedBounds;
-use super::response::Response;
+use super::responses::Responses;
 use super::sample_facets::SampleFacets;
 use beamlet_core::numbers::single;
 use beamlet_geometry::Sample;
@@ -32,8 +32,8 @@ pub(crate) struct ViewContext<'a> {
     pub projected_bounds: &'a [ProjectedBounds],
     /// Moments of the rays, for other energies.
     pub recording: Option<&'a MomentRecording>,
-    /// Effect of changes of a result on recorded values.
-    pub response: &'a Response,
+    /// Effect of changes of a result on recorded values, of each design that is lit.
+    pub responses: &'a Responses,
     /// Errors that sampling may leave.
     pub budget: ErrorBudget,
 }

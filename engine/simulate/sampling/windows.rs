@@ -12,7 +12,7 @@ const WINDOW_POINTS: usize = 512;
 const SHARP_POINTS: f64 = 8192.0;
 
 /// Windows of one width and period.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Windows {
     /// Share of the light that they pass where they are open.
     pub(crate) share: f32,
@@ -20,8 +20,10 @@ pub(crate) struct Windows {
     integral: Vec<f32>,
     /// Half width of the table, periods: that of the light that passes.
     table_reach: f32,
-    /// Ends of the windows of a period, m, where they are sharper than points of the table show.
-    sharp: Option<Vec<[f32; 2]>>,
+    /// Ends of the windows of a period, m.
+    pub(super) ends: Vec<[f32; 2]>,
+    /// True if the windows are sharper than points of the table show.
+    is_sharp: bool,
     /// Narrower light counts as wide as this to either side, m: the table has no points within less.
     least_half: f32,
     /// Light farther than this from the centre of a window does not pass it, m.
@@ -69,7 +71,8 @@ impl Windows {
             table_reach: single(table_reach),
             reach: single(reach),
             least_half: single(if is_sharp { period / SHARP_POINTS } else { period / points }),
-            sharp: is_sharp.then(|| openings.ends().map(|ends| ends.map(single)).collect()),
+            ends: openings.ends().map(|ends| ends.map(single)).collect(),
+            is_sharp,
             period: single(period),
             aside,
             recorded: ends.map(recorded).collect(),
@@ -96,8 +99,8 @@ impl Windows {
 
     /// Integral of the light through the window at 0 over the landing point.
     fn integral(&self, at: f32) -> f32 {
-        if let Some(windows) = &self.sharp {
-            return windows.iter().map(|[low, high]| at.clamp(*low, *high)).sum();
+        if self.is_sharp {
+            return self.ends.iter().map(|[low, high]| at.clamp(*low, *high)).sum();
         }
         let points = WINDOW_POINTS as f32;
         let place = (at / self.period + self.table_reach) * points;

@@ -137,10 +137,10 @@ impl Auditor<'_> {
     /// First rays of a line: at even distances from a random place on, and at the ends of what mask steps open.
     fn first_rays(&self, beamlet: i64, is_random: bool, draws: &mut Draws) -> Vec<Vec<FreshRay>> {
         let half = 0.5 * self.view.lattice.period;
-        let open = match self.view.response.leak > 0.0 {
+        let open = match self.view.responses.first().leak > 0.0 {
             true => vec![[-half, half]],
             false => {
-                let openings = &self.openings[self.view.lattice.column(beamlet)];
+                let openings = self.openings[self.view.lattice.column(beamlet)].first();
                 seen(openings).into_iter().map(|ends| ends.map(f64::from)).collect()
             }
         };
@@ -245,7 +245,7 @@ impl Auditor<'_> {
 
     /// Errors of light that is linear in each interval between traced rays, in the unit of light.
     fn errors(&self, column: usize, rays: &[FreshRay]) -> Vec<f64> {
-        let response = self.view.response;
+        let response = self.view.responses.first();
         let change = |at: f64, a: &RayResult, b: &RayResult| {
             let landed = [a, b].map(|it| Landed {
                 light: response.hardening.light(it.optical_depth),
@@ -256,7 +256,7 @@ impl Auditor<'_> {
             f64::from(change.max(rows * landed[0].light.max(landed[1].light)))
         };
         let open = |x: [f64; 2]| {
-            let share = response.lit(single(open_share(&self.openings[column], x)));
+            let share = response.lit(single(open_share(self.openings[column].first(), x)));
             (x[1] - x[0]) * f64::from(response.weight * share)
         };
         let of_pair = |pair: &[FreshRay]| {

@@ -41,7 +41,7 @@ impl Draws {
     }
 
     /// Variance of the light of an area of 1. Draws that agree leave a share of 1 / (count + 2) open.
-    pub(super) fn variance(&self) -> f64 {
+    pub(crate) fn variance(&self) -> f64 {
         let seen = if self.compared > 0.0 { self.changes / self.compared } else { 0.0 };
         let area = (self.squares * f64::from(self.count)).sqrt().max(f64::MIN_POSITIVE);
         seen.max(0.25 / f64::from(self.count + 2) * self.light / area)

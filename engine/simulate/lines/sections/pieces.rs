@@ -75,12 +75,13 @@ impl SurfaceLines<'_> {
 
     /// True if light is not straight enough in a part of an interval.
     fn bends(&self, interval: &Interval<'_>, x: [f64; 2], at: [&Sums; 3]) -> bool {
-        let response = self.view.response;
+        let responses = self.view.responses;
+        let response = responses.first();
         let width = x[1] - x[0];
         if width < NARROWEST {
             return false;
         }
-        let share = response.lit(single(open_share(interval.openings, x)));
+        let share = responses.lit(single(open_share(interval.openings, x)));
         let whole = width * f64::from(response.weight * share);
         let passed =
             at.map(|it| f64::from(response.hardening.light(single(it.change.depth.max(0.0)))));
@@ -90,7 +91,7 @@ impl SurfaceLines<'_> {
             // Rays go on from here, where all of it is near grazing.
             f64::from(u8::from(at.iter().any(|it| it.remainder <= 0.0)))
         } else {
-            MOVED * off(at.map(|it| it.change.displacement.x)) * response.steepest()
+            MOVED * off(at.map(|it| it.change.displacement.x)) * responses.steepest()
         };
         let error = whole * (off(passed) + most * moved.min(1.0));
         let widened = self.widening([0, 2].map(|end| at[end].change.scattering));
@@ -100,7 +101,7 @@ impl SurfaceLines<'_> {
 
     /// Largest change of light, share of it, by a change of the variance of the displacement between two values.
     fn widening(&self, [low, high]: [f64; 2]) -> f64 {
-        ((high - low).abs() * self.view.response.steepest().powi(2)).min(1.0)
+        ((high - low).abs() * self.view.responses.steepest().powi(2)).min(1.0)
     }
 
     /// Number of parts of a piece whose variances by materials are constant: the error falls with its square, since
@@ -209,15 +210,15 @@ impl SurfaceLines<'_> {
 
     /// Light of a piece at the mask step that opens it most, share of open beam.
     fn light(&self, piece: &Piece, openings: &[Opening]) -> f64 {
-        let response = self.view.response;
-        let share = response.lit(single(open_share(openings, piece.x)));
+        let response = self.view.responses.first();
+        let share = self.view.responses.lit(single(open_share(openings, piece.x)));
         let passed = response.weight * response.hardening.light(piece.result.optical_depth) * share;
         piece.width() * f64::from(passed)
     }
 
     /// True if light with this first-order remainder of its displacement errs by more than needs no exact ray.
     fn matters(&self, light: f64, remainder: f64) -> bool {
-        let moved = (remainder * self.view.response.steepest()).min(1.0);
+        let moved = (remainder * self.view.responses.steepest()).min(1.0);
         light * moved > NEGLIGIBLE * self.view.budget.light
     }
 }

@@ -173,6 +173,14 @@ impl Needs {
         })
     }
 
+    /// The same of a number of scenes that are lit together.
+    pub(super) const fn of_scenes(mut self, scenes: u64) -> Self {
+        self.row.host = self.row.host.saturating_mul(scenes);
+        self.row.device = self.row.device.saturating_mul(scenes);
+        self.beamlets = self.beamlets.saturating_mul(scenes);
+        self
+    }
+
     /// The estimate with the largest bands and groups of rays that a limit allows.
     pub(super) fn within(
         &self,

@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use super::light::Pose;
-use crate::sampling::{self, CellBatch};
+use crate::sampling::{self, CellBatch, Responses};
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_model::scene::Exposure;
@@ -17,8 +17,8 @@ pub fn cells_of_rows(simulation: &Simulation, pose: u32, rows: Range<i64>) -> Re
     let mut tracer = simulation.tracer()?;
     let shadows = simulation.projected_bounds(pose);
     let pose = Pose { view: Exposure::Sample(simulation.view_of(pose)), index: pose, shadows };
-    let response = simulation.response(pose.view);
-    let mut view = simulation.pose_context(&pose, &response);
+    let responses = Responses::new(vec![simulation.response(pose.view)]);
+    let mut view = simulation.pose_context(&pose, &responses);
     view.budget.audit = 0.0;
     let mut parts = Vec::new();
     let room = simulation.room();

@@ -25,7 +25,7 @@ impl Simulation {
     #[doc(hidden)]
     pub fn estimate_until(&self, cancel: &Cancel) -> Result<RunEstimate> {
         let begin = Instant::now();
-        let mut light = self.light(cancel)?;
+        let mut light = Self::light(std::slice::from_ref(self), cancel)?;
         let fixed = self.prepared_in + begin.elapsed().as_secs_f64();
         let estimate = light.estimate()?;
         let (scan, steps) = (&self.scene.scan, self.scene.mask_steps());

@@ -101,11 +101,11 @@ pub(super) trait Light {
     /// Of the device or memory; [`beamlet_core::Error::Interrupted`].
     fn add(&mut self, pose: &Pose, rows: &LitRows, report: Report<'_>) -> Result<Tally>;
 
-    /// The sums, `[step][row][column]`, share of open beam.
+    /// The sums of each design that is lit, `[step][row][column]`, share of open beam.
     ///
     /// # Errors
     /// Of the device or memory.
-    fn intensities(&self) -> Result<Array3<f32>>;
+    fn intensities(&self) -> Result<Vec<Array3<f32>>>;
 
     /// Counts of the rays traced so far.
     fn tally(&self) -> Tally;
@@ -121,16 +121,17 @@ pub(super) trait Light {
 }
 
 impl Simulation {
-    /// Light of a run.
+    /// Light of a run of designs with one sample; of more than one by lines.
     ///
     /// # Errors
     /// Of the device or memory, or where a kernel is not made.
-    pub(super) fn light(&self, cancel: &Cancel) -> Result<Box<dyn Light + '_>> {
-        Ok(match &self.light {
-            LightKind::Cells(_) if self.sample.is_empty() => Box::new(Blank::new(self, cancel)?),
-            LightKind::Cells(_) => Box::new(Lines::new(self, cancel)?),
-            LightKind::Random => Box::new(Random::new(self, cancel)?),
-            LightKind::Waves(plans) => Box::new(Waves::new(self, plans, cancel)?),
+    pub(super) fn light<'s>(designs: &'s [Self], cancel: &Cancel) -> Result<Box<dyn Light + 's>> {
+        let first = &designs[0];
+        Ok(match &first.light {
+            LightKind::Cells(_) if first.sample.is_empty() => Box::new(Blank::new(first, cancel)?),
+            LightKind::Cells(_) => Box::new(Lines::new(designs, cancel)?),
+            LightKind::Random => Box::new(Random::new(first, cancel)?),
+            LightKind::Waves(plans) => Box::new(Waves::new(first, plans, cancel)?),
         })
     }
 

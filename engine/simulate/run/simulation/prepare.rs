@@ -5,6 +5,7 @@ use super::{Simulation, backend};
 use crate::accel::Bvh;
 use crate::detector::DetectorModel;
 use crate::illuminate::{self, EnergyBinning};
+use crate::run::memory::MemoryEstimate;
 use crate::run::simulator::Simulator;
 use crate::run::{self, Control, memory, quality};
 use crate::sampling::{self, ErrorBudget, Hardening, Lattice, Response};
@@ -24,12 +25,48 @@ use std::sync::Arc;
 use std::time::Instant;
 
 /// Parts of a simulation besides its geometry.
-struct SimulationParts {
-    detector: DetectorModel,
-    media: MaterialTable,
-    lattice: Lattice,
+pub(super) struct SimulationParts {
+    scene: Arc<Scene>,
+    pub(super) detector: DetectorModel,
+    pub(super) media: MaterialTable,
+    pub(super) lattice: Lattice,
+}
+
+impl SimulationParts {
+    /// # Errors
+    /// The scene or its files.
+    pub(super) fn of(scene: &Scene) -> Result<Self> {
+        scene.validate()?;
+        let scene = quality::resolved(scene)?;
+        // From here on every reader of a file compares it with its hash.
+        let scene = Arc::new(scene.with_file_hashes()?);
+        let detector = DetectorModel::of(&scene)?;
+        let media = MaterialTable::of(&scene)?;
+        let lattice = lattice_of(&scene, detector.optics(), &media)?;
+        Ok(Self { scene, detector, media, lattice })
+    }
+
     /// Energies of cells that are gathered.
-    energies: Option<EnergyBinning>,
+    fn energies(&self) -> Result<Option<EnergyBinning>> {
+        let Self { scene, detector, media, lattice } = self;
+        let is_gathered = media.energies.len() > 1
+            && scene.sampling.scheme == Scheme::Cells
+            && scene.sampling.transport != Transport::Wave;
+        let energies = || EnergyBinning::new(scene, detector.optics(), media, lattice);
+        is_gathered.then(energies).transpose()
+    }
+
+    fn leaks(&self) -> Result<[f64; 2]> {
+        let Self { scene, detector, media, .. } = self;
+        optics::mean_leaks(scene, detector.optics(), (&media.energies, &media.weights))
+    }
+
+    /// Effect of changes of a cell on recorded values.
+    fn response(&self, leaks: [f64; 2]) -> Arc<Response> {
+        let optics = self.detector.optics();
+        let hardening = Hardening::of(&self.media);
+        Arc::new(Response::new(optics, &self.lattice, (leaks, &hardening), 0))
+    }
 }
 
 impl Simulation {
@@ -56,34 +93,55 @@ impl Simulation {
         control: &mut Control<'_>,
     ) -> Result<Self> {
         start_threads()?;
-        scene.validate()?;
-        let scene = quality::resolved(scene)?;
-        // From here on every reader of a file compares it with its hash.
-        let scene = Arc::new(scene.with_file_hashes()?);
-        let detector = DetectorModel::of(&scene)?;
-        let optics = detector.optics();
-        let media = MaterialTable::of(&scene)?;
-        let lattice = lattice_of(&scene, optics, &media)?;
-        wave::refuse(&scene, optics)?;
-        let is_gathered = media.energies.len() > 1
-            && scene.sampling.scheme == Scheme::Cells
-            && scene.sampling.transport != Transport::Wave;
-        let energies = is_gathered
-            .then(|| EnergyBinning::new(&scene, optics, &media, &lattice))
-            .transpose()?;
-        let parts = SimulationParts { detector, media, lattice, energies };
-        Self::with(simulator, scene, parts, sample, control)
+        let parts = SimulationParts::of(scene)?;
+        wave::refuse(&parts.scene, parts.detector.optics())?;
+        Self::with(simulator, parts, sample, control)
+    }
+
+    /// The simulation of another scene with the sample of this one, whose light is that of cells. `memory`: of all
+    /// that run together.
+    ///
+    /// # Errors
+    /// The scene.
+    pub(super) fn with_parts(
+        &self,
+        parts: SimulationParts,
+        memory: MemoryEstimate,
+    ) -> Result<Self> {
+        geometry::check_clearance(&parts.scene, &self.sample)?;
+        let energies = parts.energies()?;
+        let leaks = parts.leaks()?;
+        let response = parts.response(leaks);
+        let SimulationParts { scene, detector, media, lattice } = parts;
+        Ok(Self {
+            simulator: self.simulator.clone(),
+            sample: self.sample.clone(),
+            on_device: self.on_device.clone(),
+            facets: self.facets.clone(),
+            light: LightKind::Cells(energies.map(|it| spectrum(it, &media, &self.sample))),
+            budget: error_budget(&scene, detector.optics()),
+            scene,
+            detector,
+            media,
+            lattice,
+            response,
+            leaks,
+            memory,
+            start: self.start.clone(),
+            prepared_in: 0.0,
+        })
     }
 
     fn with(
         simulator: &Simulator,
-        scene: Arc<Scene>,
         parts: SimulationParts,
         loaded: Option<Sample>,
         control: &mut Control<'_>,
     ) -> Result<Self> {
         let begin = Instant::now();
         let options = simulator.options();
+        let energies = parts.energies()?;
+        let scene = parts.scene.clone();
         let sample = match loaded {
             Some(sample) => sample,
             None => load(&scene, options.memory_limit, control)?,
@@ -98,10 +156,10 @@ impl Simulation {
         let description = device.description();
         backend::check(wanted, description)?;
         let ray_query = backend::may_query(wanted, description);
-        let SimulationParts { detector, media, lattice, energies } = parts;
+        let leaks = parts.leaks()?;
+        let response = parts.response(leaks);
+        let SimulationParts { detector, media, lattice, .. } = parts;
         let optics = detector.optics();
-        let leaks = optics::mean_leaks(&scene, optics, (&media.energies, &media.weights))?;
-        let response = Response::new(optics, &lattice, (leaks, &Hardening::of(&media)), 0);
         let is_random = scene.sampling.scheme == Scheme::Random;
         let light = match scene.sampling.transport {
             Transport::Wave => {
@@ -111,11 +169,7 @@ impl Simulation {
                 LightKind::Random
             }
             Transport::Auto | Transport::FirstOrder | Transport::Exact => {
-                let recording = |energies| {
-                    let recording = sampling::MomentRecording::new(&media, &sample.components);
-                    Box::new(Spectrum { energies, recording })
-                };
-                LightKind::Cells(energies.map(recording))
+                LightKind::Cells(energies.map(|energies| spectrum(energies, &media, &sample)))
             }
         };
         let facet_kinks = wave::facet_kinks(&scene, &sample)?;
@@ -138,13 +192,13 @@ impl Simulation {
                 ..RunStart::new(&description.name, &description.driver, Backend::Bvh, "")
             },
             scene,
-            sample,
+            sample: Arc::new(sample),
             on_device: Arc::new(on_device),
-            facets,
+            facets: Arc::new(facets),
             media,
             lattice,
             light,
-            response: Arc::new(response),
+            response,
             leaks,
             budget,
             memory,
@@ -155,6 +209,12 @@ impl Simulation {
         simulation.prepared_in = begin.elapsed().as_secs_f64();
         Ok(simulation)
     }
+}
+
+/// Energies of cells with the moments of rays.
+fn spectrum(energies: EnergyBinning, media: &MaterialTable, sample: &Sample) -> Box<Spectrum> {
+    let recording = sampling::MomentRecording::new(media, &sample.components);
+    Box::new(Spectrum { energies, recording })
 }
 
 /// The sample.

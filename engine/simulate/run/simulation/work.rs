@@ -12,7 +12,7 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
 use beamlet_files::Sink;
-use beamlet_model::scene::Exposure;
+use beamlet_model::scene::{Exposure, Scan};
 use mean::Mean;
 use ndarray::Array3;
 use share::Share;
@@ -21,6 +21,9 @@ use std::time::Instant;
 
 /// The run in progress.
 pub(super) struct ViewWork<'s> {
+    /// Designs that are lit together.
+    designs: &'s [Simulation],
+    /// The first design, whose bands and poses are those of all.
     simulation: &'s Simulation,
     light: Box<dyn Light + 's>,
     /// Counts besides those of the light.
@@ -34,19 +37,22 @@ pub(super) struct ViewWork<'s> {
 }
 
 impl<'s> ViewWork<'s> {
+    /// Work on views of designs with one sample and one lattice.
     pub(super) fn new(
-        simulation: &'s Simulation,
+        designs: &'s [Simulation],
         views: &[Exposure],
         cancel: &Cancel,
     ) -> Result<Self> {
+        let simulation = &designs[0];
         let grid = simulation.detector.grid();
         let lit_views = views.iter().filter(|view| !view.is_dark()).count();
         let blank = views.iter().filter(|view| view.is_flat()).count();
         let poses = blank + (lit_views - blank) * simulation.scene.scan.poses_of_view();
         let rows: usize = simulation.bands().map(|rows| grid.own_rows(&rows).len()).sum();
         Ok(Self {
+            designs,
             simulation,
-            light: simulation.light(cancel)?,
+            light: Simulation::light(designs, cancel)?,
             tally: Tally::default(),
             seconds: Seconds::default(),
             rows_done: 0,
@@ -56,44 +62,61 @@ impl<'s> ViewWork<'s> {
         })
     }
 
+    /// Computes a view and hands it to the sink of each design.
     pub(super) fn view(
         &mut self,
         view: Exposure,
-        sink: &mut dyn Sink,
+        sinks: &mut [&mut dyn Sink],
         control: &mut Control<'_>,
     ) -> Result<()> {
         // The largest of a view are its own.
         (self.tally.most_patch_rays, self.tally.worst_error) = (0, 0);
         if view.is_dark() {
-            return self.dark(view, sink);
+            return self.dark(view, sinks);
         }
-        let (detector, halo) = (&self.simulation.detector, self.simulation.lattice.halo);
+        let halo = self.simulation.lattice.halo;
         let poses = self.poses(view);
         let groups = poses.iter().flat_map(|_| self.simulation.bands()).map(|band| {
-            let lit = detector.grid().lit_rows(&band);
+            let lit = self.simulation.detector.grid().lit_rows(&band);
             i64::from(lit.start) - halo..i64::from(lit.end) + halo
         });
         let shadow = self.simulation.shadow_rows(&poses[0].shadows);
         self.share.begin(!view.is_flat(), shadow, groups);
         self.report(view, control)?;
         for band in self.simulation.bands() {
-            let mut mean = Mean::of(poses.len());
+            let mut means: Vec<Mean> = self.designs.iter().map(|_| Mean::of(poses.len())).collect();
             for pose in &poses {
-                mean.add(self.lit_band(pose, &band, control)?);
+                let intensities = self.lit_band(pose, &band, control)?;
+                means.iter_mut().zip(intensities).for_each(|(mean, own)| mean.add(own));
             }
-            let mut intensities = mean.finish();
-            self.scale(view, &mut intensities);
-            let begin = Instant::now();
-            let counts = detector.counts(view, &band, intensities.view(), &self.cancel)?;
-            self.seconds.noise += begin.elapsed().as_secs_f64();
-            let begin = Instant::now();
-            sink.write(view, band.clone(), intensities.view())?;
-            if let Some(frame) = counts {
-                self.count_clipped(frame.clipped);
-                sink.write_counts(view, band, frame.numbers.view())?;
+            for ((design, mean), sink) in self.designs.iter().zip(means).zip(&mut *sinks) {
+                let mut intensities = mean.finish();
+                scale(&design.scene.scan, view, &mut intensities);
+                self.write(design, view, &band, &intensities, &mut **sink)?;
             }
-            self.seconds.write += begin.elapsed().as_secs_f64();
         }
+        Ok(())
+    }
+
+    /// Hands a band of a design to its sink, with its counts.
+    fn write(
+        &mut self,
+        design: &Simulation,
+        view: Exposure,
+        band: &Range<u32>,
+        intensities: &Array3<f32>,
+        sink: &mut dyn Sink,
+    ) -> Result<()> {
+        let begin = Instant::now();
+        let counts = design.detector.counts(view, band, intensities.view(), &self.cancel)?;
+        self.seconds.noise += begin.elapsed().as_secs_f64();
+        let begin = Instant::now();
+        sink.write(view, band.clone(), intensities.view())?;
+        if let Some(frame) = counts {
+            self.count_clipped(frame.clipped);
+            sink.write_counts(view, band.clone(), frame.numbers.view())?;
+        }
+        self.seconds.write += begin.elapsed().as_secs_f64();
         Ok(())
     }
 
@@ -106,35 +129,25 @@ impl<'s> ViewWork<'s> {
         (number * count..(number + 1) * count).map(|index| self.simulation.pose(index)).collect()
     }
 
-    /// Intensities of a band at one pose of the sample.
+    /// Intensities of a band at one pose of the sample, of each design.
     fn lit_band(
         &mut self,
         pose: &Pose,
         band: &Range<u32>,
         control: &mut Control<'_>,
-    ) -> Result<Array3<f32>> {
+    ) -> Result<Vec<Array3<f32>>> {
         let detector = &self.simulation.detector;
         let lit = detector.grid().lit_rows(band);
         self.light.begin(&lit, pose.view)?;
         self.add_light(pose, &lit, &detector.grid().own_rows(band), control)?;
         let begin = Instant::now();
-        let light = self.light.intensities()?;
-        let intensities = detector.intensities(pose.view, band, light, &self.cancel)?;
+        let light = self.light.intensities()?.into_iter().zip(self.designs);
+        let intensities = light.map(|(light, design)| {
+            design.detector.intensities(pose.view, band, light, &self.cancel)
+        });
+        let intensities = intensities.collect::<Result<Vec<_>>>()?;
         self.seconds.detect += begin.elapsed().as_secs_f64();
         Ok(intensities)
-    }
-
-    /// Gives the frames of a view the light that they have over the nominal one.
-    fn scale(&self, view: Exposure, intensities: &mut Array3<f32>) {
-        let scan = &self.simulation.scene.scan;
-        let Some(view) = scan.view_of_errors(view) else { return };
-        if scan.errors.intensities.is_empty() {
-            return;
-        }
-        for (step, mut frame) in intensities.outer_iter_mut().enumerate() {
-            let light = scan.intensity(view, step);
-            frame.mapv_inplace(|y| numbers::single(light * f64::from(y)));
-        }
     }
 
     fn count_clipped(&mut self, clipped: Clipped) {
@@ -143,16 +156,18 @@ impl<'s> ViewWork<'s> {
     }
 
     /// Dark frames need no light.
-    fn dark(&mut self, view: Exposure, sink: &mut dyn Sink) -> Result<()> {
-        let Some(noise) = self.simulation.detector.noise() else { return Ok(()) };
-        for band in self.simulation.bands() {
-            let begin = Instant::now();
-            let frame = noise.dark(view.index(), band.clone(), &self.cancel)?;
-            self.seconds.noise += begin.elapsed().as_secs_f64();
-            self.count_clipped(frame.clipped);
-            let begin = Instant::now();
-            sink.write_counts(view, band, frame.numbers.view())?;
-            self.seconds.write += begin.elapsed().as_secs_f64();
+    fn dark(&mut self, view: Exposure, sinks: &mut [&mut dyn Sink]) -> Result<()> {
+        for (design, sink) in self.designs.iter().zip(sinks) {
+            let Some(noise) = design.detector.noise() else { continue };
+            for band in design.bands() {
+                let begin = Instant::now();
+                let frame = noise.dark(view.index(), band.clone(), &self.cancel)?;
+                self.seconds.noise += begin.elapsed().as_secs_f64();
+                self.count_clipped(frame.clipped);
+                let begin = Instant::now();
+                sink.write_counts(view, band, frame.numbers.view())?;
+                self.seconds.write += begin.elapsed().as_secs_f64();
+            }
         }
         Ok(())
     }
@@ -224,5 +239,17 @@ impl<'s> ViewWork<'s> {
 
     pub(super) fn tally(&self) -> Tally {
         self.light.tally() + self.tally
+    }
+}
+
+/// Gives the frames of a view the light that they have over the nominal one.
+fn scale(scan: &Scan, view: Exposure, intensities: &mut Array3<f32>) {
+    let Some(view) = scan.view_of_errors(view) else { return };
+    if scan.errors.intensities.is_empty() {
+        return;
+    }
+    for (step, mut frame) in intensities.outer_iter_mut().enumerate() {
+        let light = scan.intensity(view, step);
+        frame.mapv_inplace(|y| numbers::single(light * f64::from(y)));
     }
 }

@@ -92,8 +92,8 @@ impl Light for Blank<'_> {
         Ok(Tally::default())
     }
 
-    fn intensities(&self) -> Result<Array3<f32>> {
-        self.cells.intensities()
+    fn intensities(&self) -> Result<Vec<Array3<f32>>> {
+        Ok(vec![self.cells.intensities()?])
     }
 
     fn tally(&self) -> Tally {

@@ -5,7 +5,7 @@ use super::{Light, LitRows, Pose, Report};
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
 use crate::run::simulation::seconds::Seconds;
-use crate::sampling::{self, CellBatch, Response, Room};
+use crate::sampling::{self, CellBatch, Responses, Room};
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
@@ -14,36 +14,41 @@ use beamlet_gpu::LazyKernel;
 use beamlet_model::scene::Exposure;
 use ndarray::Array3;
 use std::ops::Range;
-use std::sync::Arc;
 use std::time::Instant;
 
-/// Light of lines.
+/// Light of lines, of each of some designs with one sample and one lattice.
 pub(super) struct Lines<'s> {
+    designs: &'s [Simulation],
+    /// The first design, whose rays are traced.
     pub(super) simulation: &'s Simulation,
     pub(super) tracer: Tracer,
-    pub(super) cells: CellLight<'s>,
+    /// Sums of each design.
+    pub(super) cells: Vec<CellLight<'s>>,
     room: Room,
-    /// Index of the list of mask offsets in work.
-    list: usize,
-    /// Response at these.
-    response: Arc<Response>,
+    /// Index of the list of mask offsets in work, of each design.
+    lists: Vec<usize>,
+    /// Responses at these.
+    responses: Responses,
     /// Seconds of [`Light::add`].
     seconds: f64,
 }
 
 impl<'s> Lines<'s> {
-    pub(super) fn new(simulation: &'s Simulation, cancel: &Cancel) -> Result<Self> {
+    pub(super) fn new(designs: &'s [Simulation], cancel: &Cancel) -> Result<Self> {
+        let simulation = &designs[0];
         let mut tracer = simulation.tracer()?;
         tracer.set_cancel(cancel.clone());
         let [walk, exact] = tracer.wanted_kernels();
         LazyKernel::make_all(&[exact, walk, CellLight::kernel(simulation)], cancel)?;
+        let cells = designs.iter().map(|design| CellLight::new(design, cancel));
         Ok(Self {
+            designs,
             simulation,
             tracer,
-            cells: CellLight::new(simulation, cancel)?,
+            cells: cells.collect::<Result<_>>()?,
             room: simulation.room(),
-            list: 0,
-            response: simulation.response.clone(),
+            lists: vec![0; designs.len()],
+            responses: Responses::new(designs.iter().map(|it| it.response.clone()).collect()),
             seconds: 0.0,
         })
     }
@@ -51,11 +56,16 @@ impl<'s> Lines<'s> {
 
 impl Light for Lines<'_> {
     fn begin(&mut self, rows: &Range<u32>, view: Exposure) -> Result<()> {
-        let list = self.simulation.detector.optics().offsets.list_of(view);
-        if self.list != list {
-            (self.list, self.response) = (list, self.simulation.response(view));
+        let list = |design: &Simulation| design.detector.optics().offsets.list_of(view);
+        let lists: Vec<usize> = self.designs.iter().map(list).collect();
+        if self.lists != lists {
+            self.responses = Simulation::responses(self.designs, view);
+            self.lists = lists;
         }
-        self.cells.begin(rows, list)
+        self.cells
+            .iter_mut()
+            .zip(&self.lists)
+            .try_for_each(|(cells, list)| cells.begin(rows, *list))
     }
 
     fn items_of_row(&self, pose: &Pose) -> u64 {
@@ -67,14 +77,14 @@ impl Light for Lines<'_> {
         let Self { simulation, tracer, cells, .. } = self;
         let mut tally = Tally::default();
         if pose.shadows.is_empty() {
-            cells.add_undeflected(simulation, rows)?;
+            cells.iter_mut().try_for_each(|cells| cells.add_undeflected(simulation, rows))?;
         } else {
             let lit = rows.direct(&simulation.lattice);
-            let view = simulation.pose_context(pose, &self.response);
+            let view = simulation.pose_context(pose, &self.responses);
             let mut add = |tracer: &mut Tracer, batch: &CellBatch| {
                 tally.landed_off += batch.landed_off;
                 tally = tally + batch.tally;
-                cells.add(Some(tracer), batch)
+                cells.iter_mut().try_for_each(|cells| cells.add(Some(tracer), batch))
             };
             let mut advance = |tracer: &Tracer, part| report(tracer.rays_traced(), part);
             let lit = (&lit, &self.room);
@@ -84,8 +94,8 @@ impl Light for Lines<'_> {
         Ok(tally)
     }
 
-    fn intensities(&self) -> Result<Array3<f32>> {
-        self.cells.intensities()
+    fn intensities(&self) -> Result<Vec<Array3<f32>>> {
+        self.cells.iter().map(CellLight::intensities).collect()
     }
 
     fn tally(&self) -> Tally {
@@ -93,7 +103,8 @@ impl Light for Lines<'_> {
     }
 
     fn seconds(&self) -> Seconds {
-        let illuminate = self.cells.illumination + self.cells.gathering;
+        let of_design = |cells: &CellLight<'_>| cells.illumination + cells.gathering;
+        let illuminate = self.cells.iter().map(of_design).sum::<f64>();
         Seconds { trace: self.seconds - illuminate, illuminate, ..Seconds::default() }
     }
 

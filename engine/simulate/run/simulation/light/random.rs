@@ -122,8 +122,8 @@ impl Light for Random<'_> {
         Ok(Tally::default())
     }
 
-    fn intensities(&self) -> Result<Array3<f32>> {
-        self.sums.intensities()
+    fn intensities(&self) -> Result<Vec<Array3<f32>>> {
+        Ok(vec![self.sums.intensities()?])
     }
 
     fn tally(&self) -> Tally {

@@ -4,7 +4,7 @@
 use super::Pose;
 use super::lines::Lines;
 use crate::run::RunEstimate;
-use crate::sampling::{self, CellBatch, PATCHES_AT_ONCE, RowsCost};
+use crate::sampling::{self, CellBatch, PATCHES_AT_ONCE, Responses, RowsCost};
 use crate::trace::Tracer;
 use beamlet_core::random::GOLDEN;
 use beamlet_core::{Result, numbers};
@@ -53,8 +53,8 @@ struct Choice {
 impl Lines<'_> {
     /// Estimates rays, time and errors of a run.
     pub(super) fn survey(&mut self) -> Result<RunEstimate> {
-        let left_out = self.cells.leave_out_steps();
-        let blank = self.cells.blank_seconds(self.simulation, left_out)?;
+        let left_out = self.cells[0].leave_out_steps();
+        let blank = self.cells[0].blank_seconds(self.simulation, left_out)?;
         let looks = self.looks(left_out)?;
         let views = self.simulation.pose_count();
         let count = looks.len().max(1) as f64;
@@ -95,8 +95,8 @@ impl Lines<'_> {
             }
             let band = self.begin_band(rows.start)?;
             let Self { tracer, simulation, .. } = self;
-            let response = simulation.response(pose.view);
-            let mut view = simulation.pose_context(&pose, &response);
+            let responses = Responses::new(vec![simulation.response(pose.view)]);
+            let mut view = simulation.pose_context(&pose, &responses);
             view.budget.audit = 1.0;
             let chosen = (AUDITED_PATCHES, turn);
             let audited = sampling::count_patches(&view, tracer, rows, &band, chosen)?.audit.all();
@@ -177,13 +177,13 @@ impl Lines<'_> {
         let Self { cells, tracer, simulation, .. } = self;
         let blur_rows = simulation.lattice.blur_rows;
         let lit = band.start - blur_rows..band.end + blur_rows;
-        let response = simulation.response(pose.view);
-        let mut view = simulation.pose_context(pose, &response);
+        let responses = Responses::new(vec![simulation.response(pose.view)]);
+        let mut view = simulation.pose_context(pose, &responses);
         view.budget.audit = 0.0;
         let mut add = |tracer: &mut Tracer, batch: &CellBatch| {
-            let before = cells.illumination;
-            cells.add(Some(tracer), batch)?;
-            Ok(choice.steps_left_out * (cells.illumination - before))
+            let before = cells[0].illumination;
+            cells[0].add(Some(tracer), batch)?;
+            Ok(choice.steps_left_out * (cells[0].illumination - before))
         };
         let Choice { most, start, .. } = choice;
         sampling::survey_rows(&view, tracer, rows, &lit, (most, start), &mut add)
@@ -192,7 +192,7 @@ impl Lines<'_> {
     /// Begins the sums of the band with a row of the grid; rows of the band.
     fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
         let band = self.simulation.band_of(row);
-        self.cells.begin(&band, 0)?;
+        self.cells[0].begin(&band, 0)?;
         Ok(band.start.into()..band.end.into())
     }
 }

@@ -114,9 +114,10 @@ impl Light for Waves<'_> {
         Ok(tally)
     }
 
-    fn intensities(&self) -> Result<Array3<f32>> {
+    fn intensities(&self) -> Result<Vec<Array3<f32>>> {
         let light = self.band.intensities()?;
-        Ok(if self.grazing_cells > 0 { light + self.grazing.intensities()? } else { light })
+        let is_grazing = self.grazing_cells > 0;
+        Ok(vec![if is_grazing { light + self.grazing.intensities()? } else { light }])
     }
 
     fn tally(&self) -> Tally {
