@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
+use std::sync::{Mutex, PoisonError};
 
 use xraydb::{CrossSectionKind, XrayDb, XrayDbError};
 
@@ -12,10 +13,49 @@ use beamlet_core::error::{Error, Result};
 use beamlet_core::reserve;
 use beamlet_core::units::Dimension;
 
+/// A formula at a density and energies, by their bits.
+#[derive(PartialEq, Eq, PartialOrd, Ord)]
+struct Known {
+    formula: String,
+    density: u64,
+    energies: Vec<u64>,
+}
+
+/// Entries of the cache of constants, at most: about 1 MB with spectra of 100 energies.
+const MOST_KNOWN: usize = 256;
+
 /// Mu from the total cross section (Elam: photoabsorption, coherent and incoherent scattering, all of
 /// which take light out of the beam), delta from f1 (Chantler). `density` in g/cm3, `energies` in keV;
-/// `outside` makes the error of an energy without constants, from found and allowed values.
+/// `outside` makes the error of an energy without constants, from found and allowed values. The latest results are kept:
+/// designs of a sweep have the same materials.
 pub(super) fn constants(
+    name: &str,
+    formula: &str,
+    density: f64,
+    energies: &[f64],
+    outside: impl Fn(String, String) -> Error,
+) -> Result<Vec<Constants>> {
+    static KNOWN: Mutex<BTreeMap<Known, Vec<Constants>>> = Mutex::new(BTreeMap::new());
+    let key = Known {
+        formula: formula.to_owned(),
+        density: density.to_bits(),
+        energies: energies.iter().map(|energy| energy.to_bits()).collect(),
+    };
+    let known = || KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(found) = known().get(&key) {
+        return Ok(found.clone());
+    }
+    let found = read_constants(name, formula, density, energies, outside)?;
+    let mut known = known();
+    if known.len() >= MOST_KNOWN {
+        known.clear();
+    }
+    known.insert(key, found.clone());
+    Ok(found)
+}
+
+/// [`constants`] from the tables.
+fn read_constants(
     name: &str,
     formula: &str,
     density: f64,
