@@ -7,7 +7,7 @@ pub use beamlet_core::numbers;
 pub use beamlet_core::parallel::{is_fork, start_threads};
 pub use beamlet_core::reserve::require_memory;
 pub use beamlet_core::whole_file::write_file;
-pub use beamlet_files::{InputHashes, views_of_part};
+pub use beamlet_files::views_of_part;
 pub use beamlet_geometry::Placed;
 pub use beamlet_model::media::MaterialTable;
 pub use beamlet_model::optics::FrontView;

@@ -10,10 +10,12 @@
 //! | `scoring.rs` | scores of one design after another, with shared light |
 //! | `front.rs` | the best design, and the Pareto front of two scores |
 //! | `results.rs` | designs with scores, front and best, for tables and programs |
+//! | `record.rs` | finished designs on disk, from which a sweep is resumed |
 
 mod fixed;
 mod front;
 mod outcome;
+mod record;
 mod results;
 mod sample;
 mod score;
@@ -27,6 +29,7 @@ use beamlet_model::scene::Scene;
 use fixed::Fixed;
 pub use front::best;
 pub use outcome::Outcome;
+pub use record::SweepRecord;
 pub use results::{Results, SweepReport};
 use sample::object_index;
 pub use score::{SampleScore, Score};
@@ -42,6 +45,9 @@ pub struct Sweep {
     designs: Designs,
     scores: Vec<Score>,
     fixed: Option<Fixed>,
+    /// Values and fixed quantity as they were given.
+    vary: Vec<String>,
+    fix: Option<String>,
 }
 
 impl Sweep {
@@ -53,12 +59,13 @@ impl Sweep {
     /// [`Error::File`] for a table that cannot be read.
     pub fn new(vary: &[String], scores: &[String], fixed: Option<&str>) -> Result<Self> {
         let designs = Designs::of(vary)?;
+        let (vary, fix) = (vary.to_vec(), fixed.map(str::to_owned));
         let fixed = fixed.map(Fixed::of).transpose()?;
         if let Some(key) = designs.keys().find(|key| fixed.is_some() && Fixed::sets(&key.path)) {
             let found = format!("{} besides a fixed quantity", key.path);
             return Err(Error::argument("vary", found, "other keys: it follows from --fix"));
         }
-        Ok(Self { designs, scores: Score::of_list(scores)?, fixed })
+        Ok(Self { designs, scores: Score::of_list(scores)?, fixed, vary, fix })
     }
 
     /// The designs.

@@ -1,6 +1,5 @@
 //! `beamlet sweep`: designs of a set-up with their scores.
 
-mod record;
 mod table;
 
 use super::pictures::{PictureForm, Pictures, refuse_existing, refuse_read};
@@ -11,12 +10,11 @@ use crate::picture::sweep as picture;
 use crate::progress::Reporter;
 use beamlet::cli_support::{load_scene, printed, write_file};
 use beamlet::scene::Scene;
-use beamlet::sweep::{Outcome, Results, Sweep};
+use beamlet::sweep::{Outcome, Results, Sweep, SweepRecord};
 use beamlet::{Engine, Error};
-use record::Record;
 use std::collections::BTreeMap;
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 /// Time between two writes of finished designs.
@@ -30,24 +28,24 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     let mut sweep = Sweep::new(&arguments.vary, &arguments.score, arguments.fix.as_deref())?;
     sweep.prepare(&load)?;
     let scene = load(&[])?;
-    let mut record = Record::begin(arguments, &scene)?;
+    let record = SweepRecord::new(&arguments.output, &sweep, &scene)?;
+    let mut outcomes = begin(arguments, &record, &scene)?;
     let mut reporter = Reporter::new(arguments.messages);
     let cancel = interrupt::listen();
     let engine = Engine::open(&arguments.device.options())?;
     let count = sweep.designs().count();
-    let mut outcomes = std::mem::take(&mut record.designs);
     let mut written = Instant::now();
     let mut each = |outcomes: &[Outcome], in_work: f64| {
         reporter.designs(outcomes.len(), in_work, count);
         if written.elapsed() > BETWEEN {
-            record.write(&arguments.output, outcomes)?;
+            record.write(outcomes)?;
             written = Instant::now();
         }
         Ok(())
     };
     let ended = sweep.complete(&engine, &load, &mut outcomes, &cancel, &mut each);
     reporter.finish();
-    record.write(&arguments.output, &outcomes)?;
+    record.write(&outcomes)?;
     ended.map_err(|error| match error {
         Error::Interrupted => Failure::Interrupted {
             advice: format!(
@@ -71,6 +69,36 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
             Err(Failure::Refused(vec![format!("no design has a score: {reason}")]))
         }
         _ => Ok(()),
+    }
+}
+
+/// Finished designs of a sweep that is resumed; refuses to replace files that it reads, or an earlier sweep.
+fn begin(
+    arguments: &Arguments,
+    record: &SweepRecord,
+    scene: &Scene,
+) -> Result<Vec<Outcome>, Failure> {
+    let path = record.path().to_owned();
+    let mut read = scene.input_files();
+    read.push(arguments.scene.scene.clone());
+    read.extend(arguments.vary.iter().map(Into::into));
+    refuse_read(&[path.clone(), arguments.output.join("best.toml")], &read)?;
+    if arguments.resume {
+        return Ok(record.resume()?);
+    }
+    refuse_existing(&[path], arguments.overwrite)?;
+    remove_earlier(&arguments.output, record);
+    Ok(Vec::new())
+}
+
+/// Removes the files of an earlier sweep, which may have other scores.
+fn remove_earlier(output: &Path, record: &SweepRecord) {
+    let pictures = record.earlier_scores().iter().map(picture::file_name).collect::<Vec<_>>();
+    let pictures = pictures.into_iter().chain(["front".into()]);
+    let pictures = pictures.flat_map(|name| [format!("{name}.png"), format!("{name}.svg")]);
+    for name in pictures.chain(["sweep.csv".into(), "best.toml".into()]) {
+        // A missing file needs no removal, and one that stays is replaced later.
+        let _ = std::fs::remove_file(output.join(name));
     }
 }
 

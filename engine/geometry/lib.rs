@@ -55,7 +55,7 @@ pub use mask_mesh::{MaskMeshOptions, MaskPlace, mask_meshes};
 pub use overlap::PEAK_PER_CUT_TRIANGLE;
 pub(crate) use placed::Partners;
 pub use placed::{FacetOf, Place, Placed, Prototype};
-pub use read::file_hash;
+pub use read::{file_hash, hash_arrays};
 pub use sizes::unit_warnings;
 pub use smooth::{CornerNormals, corner_normals};
 pub use surface::PEAK_PER_TRIANGLE;

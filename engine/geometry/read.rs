@@ -48,7 +48,8 @@ pub(super) fn hash(bytes: &[u8]) -> String {
     Sha256::digest(bytes).iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
-fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {
+/// SHA-256 of a mesh given as arrays, in hexadecimal digits.
+pub fn hash_arrays(vertices: &[[f64; 3]], triangles: &[[u32; 3]]) -> String {
     let vertices = vertices.as_flattened().iter().flat_map(|number| number.to_le_bytes());
     let triangles = triangles.as_flattened().iter().flat_map(|index| index.to_le_bytes());
     hash(&vertices.chain(triangles).collect::<Vec<u8>>())

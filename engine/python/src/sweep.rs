@@ -4,11 +4,30 @@ use crate::engine::Engine;
 use crate::scene::Scene;
 use crate::stacks::json;
 use crate::work::interruptible;
-use beamlet::sweep::{Outcome, Results, Sweep, SweepReport};
+use beamlet::Error;
+use beamlet::sweep::{Outcome, Results, Sweep, SweepRecord, SweepReport};
 use pyo3::prelude::*;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
-/// Scores the designs of a scene; the report as JSON. `vary`, `score` and `fix` are those of `beamlet sweep`.
+/// Time between two writes of finished designs.
+const BETWEEN: Duration = Duration::from_secs(5);
+
+/// Finished designs of the record that is resumed; an earlier record is replaced by `overwrite` alone.
+fn begin(record: &SweepRecord, overwrite: bool, resume: bool) -> beamlet::Result<Vec<Outcome>> {
+    if resume {
+        return record.resume();
+    }
+    match record.path().exists() && !overwrite {
+        true => Err(Error::file(record.path(), "exists already; overwrite=True replaces it", None)),
+        false => Ok(Vec::new()),
+    }
+}
+
+/// Scores the designs of a scene; the report as JSON. `vary`, `score` and `fix` are those of `beamlet sweep`. `path`:
+/// directory of the record of finished designs, from which the sweep is resumed.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "keywords of Python")]
 pub(crate) fn sweep(
     py: Python<'_>,
     engine: &Engine,
@@ -16,6 +35,9 @@ pub(crate) fn sweep(
     vary: Vec<String>,
     score: Vec<String>,
     fix: Option<String>,
+    path: Option<PathBuf>,
+    overwrite: bool,
+    resume: bool,
     progress: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<String> {
     let engine = engine.get(py)?;
@@ -24,12 +46,27 @@ pub(crate) fn sweep(
         let work = || -> beamlet::Result<SweepReport> {
             let mut sweep = Sweep::new(&vary, &score, fix.as_deref())?;
             sweep.prepare(&load)?;
-            let (count, mut outcomes) = (sweep.designs().count() as f64, Vec::new());
+            let count = sweep.designs().count() as f64;
+            let record =
+                path.as_deref().map(|path: &Path| SweepRecord::new(path, &sweep, &load(&[])?));
+            let record = record.transpose()?;
+            let begun = record.as_ref().map(|record| begin(record, overwrite, resume));
+            let mut outcomes = begun.transpose()?.unwrap_or_default();
+            let write = |outcomes: &[Outcome]| {
+                record.as_ref().map_or(Ok(()), |record| record.write(outcomes))
+            };
+            let mut written = Instant::now();
             let mut each = |outcomes: &[Outcome], in_work: f64| {
                 watch.report("designs", Some((outcomes.len() as f64 + in_work) / count));
+                if written.elapsed() > BETWEEN {
+                    write(outcomes)?;
+                    written = Instant::now();
+                }
                 Ok(())
             };
-            sweep.complete(&engine, &load, &mut outcomes, watch.cancel(), &mut each)?;
+            let ended = sweep.complete(&engine, &load, &mut outcomes, watch.cancel(), &mut each);
+            write(&outcomes)?;
+            ended?;
             Ok(Results::of(&sweep, &outcomes).report())
         };
         work().map_err(|error| scene.located(error))

@@ -171,6 +171,9 @@ def sweep(
     vary: Sequence[str],
     score: Sequence[str],
     fix: str | None,
+    path: _Path | None,
+    overwrite: bool,
+    resume: bool,
     progress: _Progress,
 ) -> str: ...
 def weights(sigmas: _Floats) -> _Floats: ...

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _beamlet
-from ._arguments import path, shown, text
+from ._arguments import path as place
+from ._arguments import shown, text
 from ._engine import Engine, Progress, serving
 from ._errors import wrong
 from ._scene import Meshes, Path, Scene, inner, toml
@@ -116,7 +117,7 @@ def _item(key: str, value: object, meshes: Meshes) -> str:
 def _texts(vary: object, meshes: Meshes) -> list[str]:
     """Texts of the option ``--vary``."""
     if isinstance(vary, str | os.PathLike):
-        return [path("vary", vary)]
+        return [place("vary", vary)]
     if not isinstance(vary, Mapping):
         if not isinstance(vary, Iterable):
             raise wrong("vary", shown(vary), _ALLOWED)
@@ -139,12 +140,15 @@ def sweep(
     score: str | Sequence[str],
     fix: str | None = None,
     *,
+    path: Path | None = None,
+    overwrite: bool = False,
+    resume: bool = False,
     engine: Engine | None = None,
     progress: Progress | None = None,
 ) -> Sweep:
     """Scores the designs of a set-up, as ``beamlet sweep`` does (docs/how-to/design.md).
 
-    Ctrl-C ends it within a second, with ``KeyboardInterrupt``.
+    Ctrl-C ends it within a second, with ``KeyboardInterrupt``; with ``path`` it keeps finished designs.
 
     Args:
         scene: The scene.
@@ -154,13 +158,17 @@ def sweep(
         score: Names of scores, a list or separated by commas; the first decides which design is best.
         fix: What all designs have in common, ``"time"``, ``"dose"`` or ``"photons"`` of the scan, as the scene has it or
             with a value, ``"time=60 s"``: the exposure or the photons of each design follow from it.
+        path: Directory for the record of finished designs, ``sweep.json``, as ``beamlet sweep`` writes it.
+        overwrite: Replace a record that is there.
+        resume: Go on with the record that is there, of the same scene, values, scores and fixed quantity.
         engine: Engine; default: the shared one.
         progress: Callback.
 
     Raises:
         ArgumentError: Values, scores or a quantity that cannot be; `key` names the argument.
         SceneError: A key that no scene has, at once. A design that the scene refuses is in ``refused``.
-        FileError: A table that cannot be read, or has rows of unlike lengths.
+        FileError: A table that cannot be read, or has rows of unlike lengths; a record that is there without
+            ``overwrite`` and ``resume``; with ``resume`` none, or one of another sweep.
         DeviceError, OutOfMemoryError
 
     Example:
@@ -173,10 +181,11 @@ def sweep(
         raise wrong("score", shown(score), "names of scores")
     wanted = [text("score", name, "names of scores") for name in names]
     quantity = None if fix is None else text("fix", fix, "time, dose or photons")
+    directory = None if path is None else place("path", path)
     meshes = dict(scene._meshes)
     texts = _texts(vary, meshes)
     known = scene._with((), meshes)
     found = _beamlet.sweep(
-        serving(engine)._engine, known._scene, texts, wanted, quantity, progress
+        serving(engine)._engine, known._scene, texts, wanted, quantity, directory, overwrite, resume, progress
     )
     return Sweep._of(known, json.loads(found))
