@@ -158,7 +158,7 @@ impl LightGroup {
         };
         let control = Control::default().with_cancel(cancel.clone()).with_progress(&mut progress);
         if self.is_walked {
-            return light(&lead.of_designs(parts)?, control);
+            return light(&lead.of_designs(parts, cancel)?, control);
         }
         let mut sink = ArraySink::new();
         engine.run(&parts[0], &mut sink, control)?;

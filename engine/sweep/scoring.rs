@@ -68,7 +68,7 @@ impl Scoring<'_> {
             design.light.into_iter().for_each(|light| last_use[light] = number);
         }
         waiting.drain(..from - first);
-        let mut groups = groups(&scenes);
+        let mut groups = self.groups(&scenes)?;
         groups.retain(|group| group.iter().any(|light| last_use[*light] >= from));
         let mut waiting = waiting.into_iter().peekable();
         let mut groups = groups.chunks(rayon::current_num_threads().max(1));
@@ -186,6 +186,32 @@ impl Scoring<'_> {
         }
     }
 
+    /// Places of scenes that are lit together, in the order of their first ones.
+    fn groups(&self, scenes: &[Scene]) -> Result<Vec<Vec<usize>>> {
+        let mut groups: Vec<Group> = Vec::new();
+        for (place, scene) in scenes.iter().enumerate() {
+            self.cancel.check()?;
+            // A scene that is refused has its reason where its light is computed.
+            let key = WalkKey::of(scene).ok().flatten();
+            let [columns, rows] = scene.detector.pixels.map(u64::from);
+            let frames = 8 * columns * rows * scene.mask_steps() as u64;
+            let most = usize::try_from(TOGETHER_BYTES / frames.max(1)).unwrap_or(TOGETHER);
+            let most = most.clamp(1, TOGETHER);
+            let is_open = |group: &&mut Group| {
+                let full = most.min(group.most);
+                key.is_some() && group.key == key && group.places.len() < full
+            };
+            match groups.iter_mut().find(is_open) {
+                Some(group) => {
+                    group.most = most.min(group.most);
+                    group.places.push(place);
+                }
+                None => groups.push(Group { key, most, places: vec![place] }),
+            }
+        }
+        Ok(groups.into_iter().map(|group| group.places).collect())
+    }
+
     fn design(&self, number: usize) -> Result<Design> {
         self.cancel.check()?;
         let scene = (self.load)(&self.sweep.designs.sets(number))?;
@@ -216,28 +242,13 @@ impl Scoring<'_> {
     }
 }
 
-/// Groups of scenes that are lit together, by their places, in the order of their first ones.
-fn groups(scenes: &[Scene]) -> Vec<Vec<usize>> {
-    let mut groups: Vec<(Option<WalkKey>, usize, Vec<usize>)> = Vec::new();
-    for (place, scene) in scenes.iter().enumerate() {
-        // A scene that is refused has its reason where its light is computed.
-        let key = WalkKey::of(scene).ok().flatten();
-        let [columns, rows] = scene.detector.pixels.map(u64::from);
-        let frames = 8 * columns * rows * scene.mask_steps() as u64;
-        let most = usize::try_from(TOGETHER_BYTES / frames.max(1)).unwrap_or(TOGETHER);
-        let most = most.clamp(1, TOGETHER);
-        let open = groups.iter_mut().find(|(of_group, room, group)| {
-            key.is_some() && *of_group == key && group.len() < most.min(*room)
-        });
-        match open {
-            Some((_, room, group)) => {
-                *room = most.min(*room);
-                group.push(place);
-            }
-            None => groups.push((key, most, vec![place])),
-        }
-    }
-    groups.into_iter().map(|(_, _, group)| group).collect()
+/// Scenes that are lit together.
+struct Group {
+    key: Option<WalkKey>,
+    /// Most scenes of it.
+    most: usize,
+    /// Places of its scenes.
+    places: Vec<usize>,
 }
 
 /// The error that ends a sweep and refuses no design.

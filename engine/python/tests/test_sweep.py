@@ -1,6 +1,7 @@
 """Designs of a set-up: the same as from the program, errors, progress and Ctrl-C."""
 
 import csv
+import json
 import os
 import signal
 import subprocess
@@ -161,6 +162,32 @@ def test_keys_and_tables_that_are_not_there(scene: bl.Scene, tmp_path: Path) -> 
     assert raised.value.key == "detector.photon"
     with pytest.raises(bl.FileError, match="nothing.csv"):
         bl.sweep(scene, tmp_path / "nothing.csv", "dose")
+
+
+def test_a_record_is_resumed(scene: bl.Scene, tmp_path: Path) -> None:
+    place, vary = tmp_path / "out", {APERTURE: "20:40:60 um"}
+
+    def stop(step: str, share: float | None) -> None:
+        if share and share > 0.2:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        bl.sweep(scene, vary, "visibility,dose", path=place, progress=stop)
+    record = json.loads((place / "sweep.json").read_text())
+    assert 10 < len(record["designs"]) < 60
+    record["designs"][0]["photons"] = 7.0
+    (place / "sweep.json").write_text(json.dumps(record))
+    found = bl.sweep(scene, vary, "visibility,dose", path=place, resume=True)
+    assert len(found) == 60 and found.photons[0] == 7.0, "kept, not made again"
+    whole = bl.sweep(scene, vary, "visibility,dose")
+    np.testing.assert_array_equal(found.scores["dose"], whole.scores["dose"])
+    with pytest.raises(bl.FileError, match="overwrite=True"):
+        bl.sweep(scene, vary, "visibility,dose", path=place)
+    with pytest.raises(bl.FileError, match="another score"):
+        bl.sweep(scene, vary, "dose", path=place, resume=True)
+    with pytest.raises(bl.FileError, match="no sweep to resume"):
+        bl.sweep(scene, vary, "dose", path=tmp_path / "nothing", resume=True)
+    assert bl.sweep(scene, vary, "dose", path=place, overwrite=True).scores["dose"].size == 60
 
 
 def test_progress_and_interruption(scene: bl.Scene) -> None:

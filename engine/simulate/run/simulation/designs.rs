@@ -6,7 +6,7 @@ use super::prepare::SimulationParts;
 use super::work::ViewWork;
 use crate::run::{Control, memory};
 use crate::sampling::Lattice;
-use beamlet_core::{Error, Result};
+use beamlet_core::{Cancel, Error, Result};
 use beamlet_files::{ArraySink, RunRecord, Sink, Stacks, views_of_part};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::{MaskBody, Scene, Scheme, Transport};
@@ -47,10 +47,12 @@ impl Simulation {
     /// Simulations of scenes of one [`WalkKey`] with the sample of this one.
     ///
     /// # Errors
-    /// A scene; [`Error::Memory`] where the memory limit is too small for a row of all of them.
+    /// A scene; [`Error::Memory`] where the memory limit is too small for a row of all of them;
+    /// [`Error::Interrupted`].
     #[doc(hidden)]
-    pub fn of_designs(&self, scenes: &[Scene]) -> Result<Vec<Self>> {
-        let mut parts = scenes.iter().map(SimulationParts::of).collect::<Result<Vec<_>>>()?;
+    pub fn of_designs(&self, scenes: &[Scene], cancel: &Cancel) -> Result<Vec<Self>> {
+        let of_scene = |scene| cancel.check().and_then(|()| SimulationParts::of(scene));
+        let mut parts = scenes.iter().map(of_scene).collect::<Result<Vec<_>>>()?;
         let lattices = parts.iter().map(|part| part.lattice.clone());
         let Some(lattice) = lattices.reduce(|all, other| all.covering(&other)) else {
             return Ok(Vec::new());
@@ -64,7 +66,8 @@ impl Simulation {
         let largest = estimates.into_iter().max_by_key(|estimate| estimate.row_bytes);
         let memory = largest.unwrap_or(self.memory);
         parts.iter_mut().for_each(|part| part.lattice.clone_from(&lattice));
-        parts.into_iter().map(|part| self.with_parts(part, memory)).collect()
+        let of_part = |part| cancel.check().and_then(|()| self.with_parts(part, memory));
+        parts.into_iter().map(of_part).collect()
     }
 }
 

@@ -37,9 +37,12 @@ impl SimulationParts {
     /// The scene or its files.
     pub(super) fn of(scene: &Scene) -> Result<Self> {
         scene.validate()?;
-        let scene = quality::resolved(scene)?;
-        // From here on every reader of a file compares it with its hash.
-        let scene = Arc::new(scene.with_file_hashes()?);
+        Self::of_resolved(quality::resolved(scene)?)
+    }
+
+    /// Parts of a scene with a number for each tolerance.
+    fn of_resolved(scene: Scene) -> Result<Self> {
+        let scene = Arc::new(scene);
         let detector = DetectorModel::of(&scene)?;
         let media = MaterialTable::of(&scene)?;
         let lattice = lattice_of(&scene, detector.optics(), &media)?;
@@ -93,7 +96,10 @@ impl Simulation {
         control: &mut Control<'_>,
     ) -> Result<Self> {
         start_threads()?;
-        let parts = SimulationParts::of(scene)?;
+        scene.validate()?;
+        // From here on every reader of a file compares it with its hash.
+        let resolved = quality::resolved(scene)?.with_file_hashes()?;
+        let parts = SimulationParts::of_resolved(resolved)?;
         wave::refuse(&parts.scene, parts.detector.optics())?;
         Self::with(simulator, parts, sample, control)
     }
