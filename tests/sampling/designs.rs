@@ -126,17 +126,21 @@ fn twenty_designs_take_about_the_rays_and_lines_of_one() {
     }
 }
 
-/// No bit of the light of designs depends on bands, batches, and the order of the designs.
+/// No bit of the light of designs depends on bands, batches, memory, and the order of the designs.
 #[test]
 fn light_of_designs_does_not_depend_on_bands_batches_and_order() {
     let scenes: Vec<Scene> = designs(ROUND).into_iter().step_by(4).collect();
     let options = EngineOptions::default().with_backend(Backend::Bvh);
     let whole = lit(options.clone(), &scenes);
     let cut = lit(options.clone().with_band_rows(2).with_batch_rays(100), &scenes);
+    let little = lit(options.clone().with_memory_limit(Some(300 << 20)), &scenes);
     let backwards: Vec<Scene> = scenes.iter().rev().cloned().collect();
     let backwards = lit(options, &backwards);
-    for ((whole, cut), reversed) in whole.iter().zip(cut).zip(backwards.iter().rev()) {
+    for (((whole, cut), little), reversed) in
+        whole.iter().zip(cut).zip(little).zip(backwards.iter().rev())
+    {
         assert_eq!(whole.sample, cut.sample);
+        assert_eq!(whole.sample, little.sample);
         assert_eq!(whole.sample, reversed.sample);
     }
 }
