@@ -28,10 +28,10 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     let mut sweep = Sweep::new(&arguments.vary, &arguments.score, arguments.fix.as_deref())?;
     sweep.prepare(&load)?;
     let scene = load(&[])?;
-    let record = SweepRecord::new(&arguments.output, &sweep, &scene)?;
+    let cancel = interrupt::listen();
+    let record = SweepRecord::new(&arguments.output, &sweep, &load, &cancel)?;
     let mut outcomes = begin(arguments, &record, &scene)?;
     let mut reporter = Reporter::new(arguments.messages);
-    let cancel = interrupt::listen();
     let engine = Engine::open(&arguments.device.options())?;
     let count = sweep.designs().count();
     let mut written = Instant::now();

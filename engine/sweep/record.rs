@@ -1,6 +1,6 @@
 //! `sweep.json` of a directory: what a sweep is about, and its finished designs, from which it is resumed.
 
-use super::{Outcome, Score, Sweep};
+use super::{Load, Outcome, Score, Sweep};
 use beamlet_core::whole_file::write_file;
 use beamlet_core::{Cancel, Error, Result};
 use beamlet_files::InputHashes;
@@ -51,11 +51,12 @@ pub struct SweepRecord {
 }
 
 impl SweepRecord {
-    /// Record of a sweep over a scene, without a file yet.
+    /// Record of a sweep over the scene that `load` gives without overrides, without a file yet.
     ///
     /// # Errors
-    /// [`Error::File`] for an input that cannot be read.
-    pub fn new(directory: &Path, sweep: &Sweep, scene: &Scene) -> Result<Self> {
+    /// [`Error::File`] for an input that cannot be read; [`Error::Interrupted`].
+    pub fn new(directory: &Path, sweep: &Sweep, load: &Load<'_>, cancel: &Cancel) -> Result<Self> {
+        let scene = &load(&[])?;
         let table = |text: &String| match text.contains('=') {
             true => String::new(),
             false => std::fs::read_to_string(text).unwrap_or_default(),
@@ -66,7 +67,16 @@ impl SweepRecord {
             }
             ShapeOrMesh::Mesh(_) | ShapeOrMesh::Shape(_) => None,
         };
-        let mut inputs = InputHashes::of(&scene.input_files(), &Cancel::default())?.hashes;
+        let mut files = scene.input_files();
+        for set in sweep.designs.sets_of_keys() {
+            cancel.check()?;
+            // A value that the scene refuses alone may serve with others.
+            let others = load(&[set]).map(|scene| scene.input_files()).unwrap_or_default();
+            files.extend(others.into_iter().filter(|file| file.exists()));
+        }
+        files.sort_unstable();
+        files.dedup();
+        let mut inputs = InputHashes::of(&files, cancel)?.hashes;
         inputs.extend(scene.objects.iter().filter_map(of_arrays));
         let subject = Subject {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -108,7 +118,7 @@ impl SweepRecord {
         match known.subject.difference(&self.subject) {
             None => Ok(known.designs),
             Some(what) => Err(failed(format!(
-                "belongs to a sweep with another {what}; continue with the same one, or replace it (overwrite)"
+                "belongs to a sweep with another {what}; continue with the same one, or replace it by overwrite"
             ))),
         }
     }

@@ -68,8 +68,12 @@ impl Scoring<'_> {
             design.light.into_iter().for_each(|light| last_use[light] = number);
         }
         waiting.drain(..from - first);
-        let mut groups = self.groups(&scenes)?;
-        groups.retain(|group| group.iter().any(|light| last_use[*light] >= from));
+        let group = |places: Vec<usize>| {
+            let left = places.iter().filter(|light| last_use[**light] >= from).count();
+            WalkGroup { places, left }
+        };
+        let mut groups: Vec<WalkGroup> = self.groups(&scenes)?.into_iter().map(group).collect();
+        groups.retain(|group| group.left > 0);
         let mut waiting = waiting.into_iter().peekable();
         let mut groups = groups.chunks(rayon::current_num_threads().max(1));
         loop {
@@ -108,29 +112,28 @@ impl Scoring<'_> {
         (waiting, scenes)
     }
 
-    /// Computes the light of some groups of scenes, by their places, each on a thread of its own: loading a sample waits
-    /// for the threads of rayon.
+    /// Computes the light of some groups of scenes, each on a thread of its own: loading a sample waits for the threads of
+    /// rayon.
     fn light(
         &self,
-        groups: &[Vec<usize>],
+        groups: &[WalkGroup],
         scenes: &[Scene],
         scores: &[&SampleScore],
         lights: &mut [Option<Result<SampleLight>>],
         report: &mut dyn FnMut(f64) -> Result<()>,
     ) -> Result<()> {
         let (sender, shares) = mpsc::channel();
-        let light = &|number: usize, group: &[usize], sender: mpsc::Sender<(usize, f64)>| {
+        let light = &|number: usize, group: &WalkGroup, sender: mpsc::Sender<(usize, f64)>| {
             let mut send = |share: f64| {
                 // Nobody receives once a report failed.
-                let _ = sender.send((number, share * group.len() as f64));
+                let _ = sender.send((number, share * group.left as f64));
             };
-            self.light_of_group(group, scenes, scores, &mut send)
+            self.light_of_group(&group.places, scenes, scores, &mut send)
         };
         let found = thread::scope(|scope| {
-            let begin = |(number, group): (usize, &Vec<usize>)| {
+            let begin = |(number, group)| {
                 let sender = sender.clone();
-                let group = group.clone();
-                thread::Builder::new().spawn_scoped(scope, move || light(number, &group, sender))
+                thread::Builder::new().spawn_scoped(scope, move || light(number, group, sender))
             };
             let running: Vec<_> = groups.iter().enumerate().map(begin).collect();
             drop(sender);
@@ -152,7 +155,7 @@ impl Scoring<'_> {
             reported.map(|()| found)
         })?;
         for (group, found) in groups.iter().zip(found) {
-            for (light, found) in group.iter().zip(found) {
+            for (light, found) in group.places.iter().zip(found) {
                 lights[*light] = Some(found);
             }
         }
@@ -167,23 +170,26 @@ impl Scoring<'_> {
         scores: &[&SampleScore],
         report: &mut dyn FnMut(f64),
     ) -> Vec<Result<SampleLight>> {
-        let mut light = |places: &[usize]| {
+        let light = |places: &[usize], report: &mut dyn FnMut(f64)| {
             let scenes: Vec<Scene> = places.iter().map(|place| scenes[*place].clone()).collect();
             let is_walked = scenes.len() > 1 || matches!(WalkKey::of(&scenes[0]), Ok(Some(_)));
             let group = LightGroup { scenes, is_walked };
             group.light(self.engine, scores, self.cancel, report)
         };
-        match light(group) {
-            Ok(lights) => lights.into_iter().map(Ok).collect(),
-            Err(error) if group.len() == 1 => vec![Err(error)],
-            Err(_) => {
-                let alone = |place: &usize| {
-                    let lights = light(std::slice::from_ref(place))?;
-                    lights.into_iter().next().ok_or(Error::Interrupted)
-                };
-                group.iter().map(alone).collect()
+        let error = match light(group, report) {
+            Ok(lights) => return lights.into_iter().map(Ok).collect(),
+            Err(error) if group.len() == 1 => return vec![Err(error)],
+            Err(error) => error,
+        };
+        let alone = |(done, place): (usize, &usize)| {
+            if let Some(error) = fatal(&error) {
+                return Err(error);
             }
-        }
+            let mut part = |share: f64| report((done as f64 + share) / group.len() as f64);
+            let lights = light(std::slice::from_ref(place), &mut part)?;
+            lights.into_iter().next().ok_or(Error::Interrupted)
+        };
+        group.iter().enumerate().map(alone).collect()
     }
 
     /// Places of scenes that are lit together, in the order of their first ones.
@@ -242,7 +248,14 @@ impl Scoring<'_> {
     }
 }
 
-/// Scenes that are lit together.
+/// Scenes that are lit together, by their places.
+struct WalkGroup {
+    places: Vec<usize>,
+    /// Number of those with designs that are not finished.
+    left: usize,
+}
+
+/// Scenes that are lit together, as they are found.
 struct Group {
     key: Option<WalkKey>,
     /// Most scenes of it.

@@ -130,6 +130,16 @@ impl Designs {
         self.keys().zip(values).map(|(key, value)| key.set(value)).collect()
     }
 
+    /// The overrides of each value of each key, `key=value` each.
+    pub(super) fn sets_of_keys(&self) -> impl Iterator<Item = String> {
+        self.axes.iter().flat_map(|axis| {
+            let of_row = |row: &Vec<String>| {
+                axis.keys.iter().zip(row).map(|(key, value)| key.set(value)).collect::<Vec<_>>()
+            };
+            axis.rows.iter().flat_map(of_row)
+        })
+    }
+
     /// Refuses keys that no scene has.
     ///
     /// # Errors

@@ -139,12 +139,11 @@ fn exact_light_of_a_spectrum_behind_apertures_is_the_sum_over_its_energies() {
 
 /// Light that leaks through bars is added at each mask step, whichever strip of the mask a row sees and however many
 /// steps the device works on together: where it is too faint to be followed, in pixels as wide as a period, and in
-/// narrower ones. The light is that of the flat, without a sample.
+/// narrower ones.
 #[test]
 fn faint_light_of_bars_is_that_of_each_step_alone() {
     let engine = engine(Backend::Bvh);
     let mut scene = tracked(&HOLES.replace("transmission = 0.0", "transmission = 6e-6"), "10 um");
-    scene.objects.clear();
     let steps = [[0.0, 0.0], [35e-6, 20e-6], [-50e-6, 45e-6], [10e-6, -60e-6]];
     for pitch in [120e-6 * 0.9 / 0.7, 30e-6] {
         scene.detector.pitch[0] = pitch;

@@ -2,7 +2,7 @@
 
 use crate::support::{Worst, backends, engine, engine_of};
 use beamlet::internals::designs::{WalkKey, light};
-use beamlet::scene::Scene;
+use beamlet::scene::{MaskBody, Scene};
 use beamlet::stack::Stacks;
 use beamlet::{Backend, Cancel, Control, EngineOptions, Error};
 
@@ -78,6 +78,40 @@ fn designs_of_one_walk_have_the_light_of_their_own_runs() {
                     worst.take(f64::from(a - b), || format!("{name}, {backend}, value {place}"));
                 }
             }
+        }
+    }
+    worst.holds();
+}
+
+/// Bars that let different shares of the light through are judged apart, and offsets shifted against one another, which
+/// have as wide openings, do not depend on their order.
+#[test]
+fn designs_behind_bars_that_leak_have_the_light_of_their_own_runs() {
+    let plain = || scene(ROUND, [30.0, 30.0], 25.0, 11);
+    let behind = |transmission: f64| {
+        let mut scene = plain();
+        let mask = scene.detector_mask.as_mut().unwrap();
+        mask.body = MaskBody::Sheet { transmission };
+        scene
+    };
+    let mut leaking = plain();
+    let mask = leaking.sample_mask.as_mut().unwrap();
+    mask.body = MaskBody::Sheet { transmission: 0.2 };
+    let mut shifted = plain();
+    shifted.scan.mask_offsets.iter_mut().for_each(|offset| *offset += 5e-6);
+    let scenes = [behind(0.02), behind(0.5), leaking, plain(), shifted];
+    let keys: Vec<_> = scenes.iter().map(|scene| WalkKey::of(scene).unwrap()).collect();
+    assert!(keys.iter().all(|key| key.is_some() && *key == keys[0]));
+    let mut worst = Worst::new("light behind bars that leak less that of an own run", TOLERANCE);
+    let options = EngineOptions::default().with_backend(Backend::Bvh);
+    let together = lit(options.clone(), &scenes);
+    let backwards: Vec<Scene> = scenes.iter().rev().cloned().collect();
+    let backwards = lit(options, &backwards);
+    for ((scene, own), reversed) in scenes.iter().zip(together).zip(backwards.iter().rev()) {
+        assert_eq!(own.sample, reversed.sample);
+        let alone = engine(Backend::Bvh).simulate(scene).unwrap();
+        for (place, (a, b)) in own.sample.iter().zip(&alone.sample).enumerate() {
+            worst.take(f64::from(a - b), || format!("value {place}"));
         }
     }
     worst.holds();

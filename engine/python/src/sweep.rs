@@ -13,6 +13,20 @@ use std::time::{Duration, Instant};
 /// Time between two writes of finished designs.
 const BETWEEN: Duration = Duration::from_secs(5);
 
+/// Refuses keywords that contradict one another.
+fn refuse(has_path: bool, overwrite: bool, resume: bool) -> beamlet::Result<()> {
+    if resume && overwrite {
+        return Err(Error::argument("overwrite", "besides resume=True", "one of the two"));
+    }
+    match (has_path, resume) {
+        (false, true) => Err(Error::argument("resume", "True without path", "a path as well")),
+        (false, false) if overwrite => {
+            Err(Error::argument("overwrite", "True without path", "a path as well"))
+        }
+        _ => Ok(()),
+    }
+}
+
 /// Finished designs of the record that is resumed; an earlier record is replaced by `overwrite` alone.
 fn begin(record: &SweepRecord, overwrite: bool, resume: bool) -> beamlet::Result<Vec<Outcome>> {
     if resume {
@@ -47,8 +61,10 @@ pub(crate) fn sweep(
             let mut sweep = Sweep::new(&vary, &score, fix.as_deref())?;
             sweep.prepare(&load)?;
             let count = sweep.designs().count() as f64;
-            let record =
-                path.as_deref().map(|path: &Path| SweepRecord::new(path, &sweep, &load(&[])?));
+            refuse(path.is_some(), overwrite, resume)?;
+            let record = path
+                .as_deref()
+                .map(|path: &Path| SweepRecord::new(path, &sweep, &load, watch.cancel()));
             let record = record.transpose()?;
             let begun = record.as_ref().map(|record| begin(record, overwrite, resume));
             let mut outcomes = begun.transpose()?.unwrap_or_default();

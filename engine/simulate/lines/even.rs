@@ -257,7 +257,7 @@ impl<'a> EvenSampler<'a> {
         if patch.trial == 0 && patch.error <= ACCEPTED * budget && !hides {
             return Next::Done;
         }
-        let aim = if steps.len() > 1 { AIM } else { AIM_OF_ONE };
+        let aim = if self.view.responses.fewest_steps() > 1 { AIM } else { AIM_OF_ONE };
         let times = |step: &Changes| step.times(step.error() / (aim * budget));
         let growth = steps.iter().map(times).fold(if hides { 3.0 } else { 1.0 }, f64::max);
         // The same number of new rays would give the same.

@@ -143,7 +143,8 @@ impl<L: Judged + Clone> Heights<L> {
             jumps.clear();
         }
         let is_beside = |z: &f64| jumps.iter().all(|[low, high]| z <= low || z >= high);
-        let lids = features.lids.iter().copied().take(MOST_FIRST as usize);
+        let left = limits.lines.saturating_sub(parts as usize + 1 + 2 * jumps.len());
+        let lids = features.lids.iter().copied().take(left.min(MOST_FIRST as usize));
         let mut heights: Vec<f64> = even.chain(lids).filter(is_beside).collect();
         heights.extend(jumps.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
         heights.sort_unstable_by(f64::total_cmp);

@@ -252,7 +252,7 @@ impl Lattice {
         Self { cells: 1, alike_rows: 1, beamlets: 0..0, direct: 0..0, ..self }
     }
 
-    /// The lattice with the beamlets of another one as well, which differs from it in its reach alone.
+    /// The lattice with the beamlets of another one as well, from which it differs as [`Self::without_reach`] says.
     pub(crate) fn covering(&self, other: &Self) -> Self {
         let both = |a: &Range<i64>, b: &Range<i64>| a.start.min(b.start)..a.end.max(b.end);
         Self {

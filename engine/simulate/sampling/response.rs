@@ -9,6 +9,7 @@ use super::windows::{Landed, Windows};
 use beamlet_core::numbers::single;
 use beamlet_interface::{BeamletGeometry, NO_LIGHT};
 use beamlet_model::optics::{Mask, Openings, Optics};
+use std::cmp::Ordering;
 
 /// A border of pixels is in an aperture if it is farther than this from its ends, periods of the mask: where an aperture
 /// is as wide as a pixel both are the same place, rounded.
@@ -129,17 +130,20 @@ impl Response {
         Self { windows, leak, steps, ..self.clone() }
     }
 
-    /// True if at each mask step both masks are open nearly where they are at a step of another response: edges are
-    /// nearer to its edges than a share of the narrower aperture.
+    /// True if at each mask step both masks are open nearly where they are at a step of another response, with the same
+    /// light through bars and their shadows: edges are nearer to its edges than a share of the narrower aperture.
     pub(super) fn is_near(&self, other: &Self, share: f32) -> bool {
         let is_near = |a: &[f32; 2], b: &[f32; 2]| {
             let narrower = (a[1] - a[0]).min(b[1] - b[0]);
             (a[0] - b[0]).abs().max((a[1] - b[1]).abs()) < share * narrower
         };
         let windows_are_near = |(a, b): (&Windows, &Windows)| {
-            a.ends.len() == b.ends.len() && a.ends.iter().zip(&b.ends).all(|(a, b)| is_near(a, b))
+            a.share.to_bits() == b.share.to_bits()
+                && a.ends.len() == b.ends.len()
+                && a.ends.iter().zip(&b.ends).all(|(a, b)| is_near(a, b))
         };
         self.leak.to_bits() == other.leak.to_bits()
+            && self.shadow == other.shadow
             && self.windows.len() == other.windows.len()
             && self.windows.iter().zip(&other.windows).all(windows_are_near)
             && self
@@ -149,10 +153,25 @@ impl Response {
     }
 
     /// Width of all openings and windows, m: where it is larger, more light counts.
-    pub(super) fn open_width(&self) -> f32 {
+    fn open_width(&self) -> f32 {
         let openings = self.openings.iter().map(|opening| opening.x[1] - opening.x[0]);
         let windows = self.windows.iter().flat_map(|it| &it.ends).map(|[low, high]| high - low);
         openings.chain(windows).sum()
+    }
+
+    /// Order by [`Self::open_width`], the widest first, then by edges and light through bars.
+    pub(super) fn order(&self, other: &Self) -> Ordering {
+        let edges = |it: &Self| {
+            let openings = it.openings.iter().flat_map(|opening| opening.x);
+            let windows = it
+                .windows
+                .iter()
+                .flat_map(|windows| windows.ends.iter().flatten().copied().chain([windows.share]));
+            let all = openings.chain(windows).chain(it.shadow.iter().copied()).chain([it.leak]);
+            all.map(f32::to_bits).collect::<Vec<u32>>()
+        };
+        let widths = other.open_width().total_cmp(&self.open_width());
+        widths.then_with(|| edges(self).cmp(&edges(other)))
     }
 
     /// True if the windows are those of another response, behind the same bars of the sample mask.

@@ -55,7 +55,7 @@ impl Responses {
     /// Responses of designs, of which there is at least one.
     pub(crate) fn new(designs: Vec<Arc<Response>>) -> Self {
         let mut order: Vec<&Arc<Response>> = designs.iter().collect();
-        order.sort_by(|a, b| b.open_width().total_cmp(&a.open_width()));
+        order.sort_by(|a, b| a.order(b));
         let mut judges: Vec<Arc<Response>> = Vec::new();
         for design in order {
             if !judges.iter().any(|judge| design.is_near(judge, NEAR)) {

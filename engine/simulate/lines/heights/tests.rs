@@ -277,7 +277,9 @@ fn lines_are_within_their_number_and_the_estimate_exceeds_the_limit() {
         let mut many = Features { height: 0.02, ..EVEN };
         many.add_end([0.3; 2]);
         many.add_end([0.6; 2]);
-        for features in [EVEN, many] {
+        let mut round = EVEN;
+        (0..20).for_each(|end| round.add_end([0.0, 0.2].map(|z| z + 0.04 * f64::from(end))));
+        for features in [EVEN, many, round] {
             let heights = lines(|z| (20.0 * z).sin(), &features, limits);
             assert!(heights.count() <= lines_at_most && heights.error() > 0.01);
         }

@@ -17,6 +17,8 @@ pub struct WalkKey {
     scene: Scene,
     lattice: Lattice,
     media: MaterialTable,
+    /// Distance from the source to the analyser, m: it may lie at either face of a mask.
+    analyser: f64,
 }
 
 impl WalkKey {
@@ -30,7 +32,8 @@ impl WalkKey {
         if !is_walked || scene.has_heights() {
             return Ok(None);
         }
-        let SimulationParts { media, lattice, .. } = SimulationParts::of(scene)?;
+        let SimulationParts { media, lattice, detector, .. } = SimulationParts::of(scene)?;
+        let analyser = detector.optics().analyser;
         let mut common = scene.clone();
         for mask in common.sample_mask.iter_mut().chain(&mut common.detector_mask) {
             mask.body = MaskBody::Sheet { transmission: 0.0 };
@@ -39,7 +42,7 @@ impl WalkKey {
         }
         common.scan.mask_offsets = vec![0.0];
         common.scan.view_offsets.clear();
-        Ok(Some(Self { scene: common, lattice: lattice.without_reach(), media }))
+        Ok(Some(Self { scene: common, lattice: lattice.without_reach(), media, analyser }))
     }
 }
 

@@ -128,7 +128,9 @@ impl Simulation {
     pub(super) fn light<'s>(designs: &'s [Self], cancel: &Cancel) -> Result<Box<dyn Light + 's>> {
         let first = &designs[0];
         Ok(match &first.light {
-            LightKind::Cells(_) if first.sample.is_empty() => Box::new(Blank::new(first, cancel)?),
+            LightKind::Cells(_) if first.sample.is_empty() => {
+                Box::new(Blank::new(designs, cancel)?)
+            }
             LightKind::Cells(_) => Box::new(Lines::new(designs, cancel)?),
             LightKind::Random => Box::new(Random::new(first, cancel)?),
             LightKind::Waves(plans) => Box::new(Waves::new(first, plans, cancel)?),

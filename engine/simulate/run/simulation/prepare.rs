@@ -119,13 +119,15 @@ impl Simulation {
         let leaks = parts.leaks()?;
         let response = parts.response(leaks);
         let SimulationParts { scene, detector, media, lattice } = parts;
+        // An audit compares the light of one design.
+        let budget = ErrorBudget { audit: 0.0, ..error_budget(&scene, detector.optics()) };
         Ok(Self {
             simulator: self.simulator.clone(),
             sample: self.sample.clone(),
             on_device: self.on_device.clone(),
             facets: self.facets.clone(),
             light: LightKind::Cells(energies.map(|it| spectrum(it, &media, &self.sample))),
-            budget: error_budget(&scene, detector.optics()),
+            budget,
             scene,
             detector,
             media,

@@ -76,8 +76,11 @@ fn uncertainties_of_fits_and_moments_cover_68_per_cent_of_draws() {
     let beamlet = RetrieveOptions::default()
         .with_method(Method::Beamlet)
         .with_aperture(Aperture::Rectangle(size));
+    let gaussian = RetrieveOptions::default();
     let moments = RetrieveOptions::default().with_method(Method::Moments);
     let cases = [
+        ("gaussian", gaussian.clone(), Blurred::gaussian(blur)),
+        ("gaussian by counts", gaussian.with_weights(Weights::Poisson), Blurred::gaussian(blur)),
         (
             "beamlet by counts",
             beamlet.with_weights(Weights::Poisson),

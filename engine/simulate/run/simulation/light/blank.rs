@@ -23,16 +23,18 @@ const SECONDS: f64 = 1.0;
 /// Mask steps that are illuminated for an estimate; others cost as much each.
 const STEPS: u32 = 128;
 
-/// Light through the masks alone.
+/// Light through the masks alone, of each of some designs with one lattice.
 pub(super) struct Blank<'s> {
-    simulation: &'s Simulation,
-    cells: CellLight<'s>,
+    designs: &'s [Simulation],
+    /// Sums of each design.
+    cells: Vec<CellLight<'s>>,
 }
 
 impl<'s> Blank<'s> {
-    pub(super) fn new(simulation: &'s Simulation, cancel: &Cancel) -> Result<Self> {
-        LazyKernel::make_all(&[CellLight::kernel(simulation)], cancel)?;
-        Ok(Self { simulation, cells: CellLight::new(simulation, cancel)? })
+    pub(super) fn new(designs: &'s [Simulation], cancel: &Cancel) -> Result<Self> {
+        LazyKernel::make_all(&[CellLight::kernel(&designs[0])], cancel)?;
+        let cells = designs.iter().map(|design| CellLight::new(design, cancel));
+        Ok(Self { designs, cells: cells.collect::<Result<_>>()? })
     }
 }
 
@@ -80,20 +82,23 @@ impl CellLight<'_> {
 
 impl Light for Blank<'_> {
     fn begin(&mut self, rows: &Range<u32>, view: Exposure) -> Result<()> {
-        self.cells.begin(rows, self.simulation.detector.optics().offsets.list_of(view))
+        let list = |design: &Simulation| design.detector.optics().offsets.list_of(view);
+        let mut own = self.cells.iter_mut().zip(self.designs);
+        own.try_for_each(|(cells, design)| cells.begin(rows, list(design)))
     }
 
     fn items_of_row(&self, pose: &Pose) -> u64 {
-        self.simulation.cells_of_row(pose)
+        self.designs[0].cells_of_row(pose)
     }
 
     fn add(&mut self, _: &Pose, rows: &LitRows, _: Report<'_>) -> Result<Tally> {
-        self.cells.add_undeflected(self.simulation, rows)?;
+        let first = &self.designs[0];
+        self.cells.iter_mut().try_for_each(|cells| cells.add_undeflected(first, rows))?;
         Ok(Tally::default())
     }
 
     fn intensities(&self) -> Result<Vec<Array3<f32>>> {
-        Ok(vec![self.cells.intensities()?])
+        self.cells.iter().map(CellLight::intensities).collect()
     }
 
     fn tally(&self) -> Tally {
@@ -101,14 +106,16 @@ impl Light for Blank<'_> {
     }
 
     fn seconds(&self) -> Seconds {
-        let illuminate = self.cells.illumination + self.cells.gathering;
+        let of_design = |cells: &CellLight<'_>| cells.illumination + cells.gathering;
+        let illuminate = self.cells.iter().map(of_design).sum();
         Seconds { illuminate, ..Seconds::default() }
     }
 
     fn estimate(&mut self) -> Result<RunEstimate> {
-        let left_out = self.cells.leave_out_steps();
-        let blank = self.cells.blank_seconds(self.simulation, left_out)?;
-        let seconds = (self.simulation.pose_count() + 1.0) * blank;
+        let (first, cells) = (&self.designs[0], &mut self.cells[0]);
+        let left_out = cells.leave_out_steps();
+        let blank = cells.blank_seconds(first, left_out)?;
+        let seconds = (first.pose_count() + 1.0) * blank;
         Ok(RunEstimate { seconds, ..RunEstimate::default() })
     }
 }
