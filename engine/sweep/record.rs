@@ -5,7 +5,7 @@ use beamlet_core::whole_file::write_file;
 use beamlet_core::{Cancel, Error, Result};
 use beamlet_files::InputHashes;
 use beamlet_geometry::hash_arrays;
-use beamlet_model::scene::{Mesh, Object, Scene, ShapeOrMesh};
+use beamlet_model::scene::{Mesh, Object, ShapeOrMesh};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

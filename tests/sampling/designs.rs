@@ -87,19 +87,18 @@ fn designs_of_one_walk_have_the_light_of_their_own_runs() {
 /// have as wide openings, do not depend on their order.
 #[test]
 fn designs_behind_bars_that_leak_have_the_light_of_their_own_runs() {
-    let plain = || scene(ROUND, [30.0, 30.0], 25.0, 11);
-    let behind = |transmission: f64| {
-        let mut scene = plain();
-        let mask = scene.detector_mask.as_mut().unwrap();
-        mask.body = MaskBody::Sheet { transmission };
+    let behind = |transmissions: [f64; 2]| {
+        let mut scene = scene(ROUND, [30.0, 30.0], 25.0, 11);
+        let masks = [&mut scene.sample_mask, &mut scene.detector_mask];
+        for (mask, transmission) in masks.into_iter().flatten().zip(transmissions) {
+            mask.body = MaskBody::Sheet { transmission };
+        }
         scene
     };
-    let mut leaking = plain();
-    let mask = leaking.sample_mask.as_mut().unwrap();
-    mask.body = MaskBody::Sheet { transmission: 0.2 };
-    let mut shifted = plain();
+    let mut shifted = behind([0.0; 2]);
     shifted.scan.mask_offsets.iter_mut().for_each(|offset| *offset += 5e-6);
-    let scenes = [behind(0.02), behind(0.5), leaking, plain(), shifted];
+    let scenes =
+        [behind([0.0, 0.02]), behind([0.0, 0.5]), behind([0.2, 0.0]), behind([0.0; 2]), shifted];
     let keys: Vec<_> = scenes.iter().map(|scene| WalkKey::of(scene).unwrap()).collect();
     assert!(keys.iter().all(|key| key.is_some() && *key == keys[0]));
     let mut worst = Worst::new("light behind bars that leak less that of an own run", TOLERANCE);
