@@ -15,10 +15,6 @@ use beamlet::{Engine, Error};
 use std::collections::BTreeMap;
 use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-
-/// Time between two writes of finished designs.
-const BETWEEN: Duration = Duration::from_secs(5);
 
 pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Failure> {
     let load = |sets: &[String]| {
@@ -29,19 +25,14 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     sweep.prepare(&load)?;
     let scene = load(&[])?;
     let cancel = interrupt::listen();
-    let record = SweepRecord::new(&arguments.output, &sweep, &load, &cancel)?;
+    let mut record = SweepRecord::new(&arguments.output, &sweep, &load, &cancel)?;
     let mut outcomes = begin(arguments, &record, &scene)?;
     let mut reporter = Reporter::new(arguments.messages);
     let engine = Engine::open(&arguments.device.options())?;
     let count = sweep.designs().count();
-    let mut written = Instant::now();
     let mut each = |outcomes: &[Outcome], in_work: f64| {
         reporter.designs(outcomes.len(), in_work, count);
-        if written.elapsed() > BETWEEN {
-            record.write(outcomes)?;
-            written = Instant::now();
-        }
-        Ok(())
+        record.keep(outcomes)
     };
     let ended = sweep.complete(&engine, &load, &mut outcomes, &cancel, &mut each);
     reporter.finish();

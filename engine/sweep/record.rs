@@ -9,8 +9,11 @@ use beamlet_model::scene::{Mesh, Object, ShapeOrMesh};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
 
 const NAME: &str = "sweep.json";
+/// Least time between two writes of a sweep in progress.
+const BETWEEN: Duration = Duration::from_secs(5);
 
 /// Inputs that decide the scores of a sweep.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -48,6 +51,8 @@ struct RecordView<'a> {
 pub struct SweepRecord {
     path: PathBuf,
     subject: Subject,
+    /// Time of the last write by [`Self::keep`], or of the begin.
+    written: Instant,
 }
 
 impl SweepRecord {
@@ -87,7 +92,7 @@ impl SweepRecord {
             score: sweep.scores.iter().map(Score::name).collect(),
             fix: sweep.fix.clone(),
         };
-        Ok(Self { path: directory.join(NAME), subject })
+        Ok(Self { path: directory.join(NAME), subject, written: Instant::now() })
     }
 
     /// Path of the file.
@@ -121,6 +126,18 @@ impl SweepRecord {
                 "belongs to a sweep with another {what}; continue with the same one, or replace it by overwrite"
             ))),
         }
+    }
+
+    /// Writes the finished designs of a sweep in progress, every few seconds.
+    ///
+    /// # Errors
+    /// [`Error::File`].
+    pub fn keep(&mut self, designs: &[Outcome]) -> Result<()> {
+        if self.written.elapsed() > BETWEEN {
+            self.write(designs)?;
+            self.written = Instant::now();
+        }
+        Ok(())
     }
 
     /// Writes the file with these designs in place of the one that is there.

@@ -36,7 +36,7 @@ pub(super) struct SampleLight {
     reference: Arc<Reference>,
 }
 
-/// What scores compare images with.
+/// Ideal images and pixels of objects that scores take.
 #[derive(Debug)]
 struct Reference {
     /// Ideal images; empty where no score needs them.
@@ -204,7 +204,7 @@ impl Shares {
 }
 
 impl Reference {
-    /// What the images of a scene with the sample of a simulation are compared with.
+    /// The reference of a scene with the sample of a simulation.
     fn of(
         simulation: &Simulation,
         part: &Scene,

@@ -110,7 +110,7 @@ fn listed(directory: &Path) -> Vec<(String, u64)> {
     found
 }
 
-/// What a command leaves: its exit code, stdout and stderr.
+/// Exit code, stdout and stderr of a command.
 struct Answer {
     code: Option<i32>,
     printed: String,

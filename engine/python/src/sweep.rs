@@ -8,10 +8,6 @@ use beamlet::Error;
 use beamlet::sweep::{Outcome, Results, Sweep, SweepRecord, SweepReport};
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-
-/// Time between two writes of finished designs.
-const BETWEEN: Duration = Duration::from_secs(5);
 
 /// Refuses keywords that contradict one another.
 fn refuse(has_path: bool, overwrite: bool, resume: bool) -> beamlet::Result<()> {
@@ -65,23 +61,15 @@ pub(crate) fn sweep(
             let record = path
                 .as_deref()
                 .map(|path: &Path| SweepRecord::new(path, &sweep, &load, watch.cancel()));
-            let record = record.transpose()?;
+            let mut record = record.transpose()?;
             let begun = record.as_ref().map(|record| begin(record, overwrite, resume));
             let mut outcomes = begun.transpose()?.unwrap_or_default();
-            let write = |outcomes: &[Outcome]| {
-                record.as_ref().map_or(Ok(()), |record| record.write(outcomes))
-            };
-            let mut written = Instant::now();
             let mut each = |outcomes: &[Outcome], in_work: f64| {
                 watch.report("designs", Some((outcomes.len() as f64 + in_work) / count));
-                if written.elapsed() > BETWEEN {
-                    write(outcomes)?;
-                    written = Instant::now();
-                }
-                Ok(())
+                record.as_mut().map_or(Ok(()), |record| record.keep(outcomes))
             };
             let ended = sweep.complete(&engine, &load, &mut outcomes, watch.cancel(), &mut each);
-            write(&outcomes)?;
+            record.as_ref().map_or(Ok(()), |record| record.write(&outcomes))?;
             ended?;
             Ok(Results::of(&sweep, &outcomes).report())
         };

@@ -11,7 +11,7 @@ use beamlet_files::{ArraySink, RunRecord, Sink, Stacks, views_of_part};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::{MaskBody, Scene, Scheme, Transport};
 
-/// What scenes have in common that can be lit from one walk.
+/// Common parts of scenes that can be lit from one walk.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WalkKey {
     scene: Scene,

@@ -106,8 +106,7 @@ impl Light for Blank<'_> {
     }
 
     fn seconds(&self) -> Seconds {
-        let of_design = |cells: &CellLight<'_>| cells.illumination + cells.gathering;
-        let illuminate = self.cells.iter().map(of_design).sum();
+        let illuminate = self.cells.iter().map(CellLight::seconds).sum();
         Seconds { illuminate, ..Seconds::default() }
     }
 

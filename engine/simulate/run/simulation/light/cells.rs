@@ -33,7 +33,7 @@ pub(super) struct CellLight<'s> {
     steps: u32,
     /// Seconds of illumination, and of gathering energies.
     pub(super) illumination: f64,
-    pub(super) gathering: f64,
+    gathering: f64,
 }
 
 impl<'s> CellLight<'s> {
@@ -102,6 +102,11 @@ impl<'s> CellLight<'s> {
     pub(super) fn begin(&mut self, rows: &Range<u32>, list: usize) -> Result<()> {
         let uploads = self.lights.iter_mut().map(|light| light.set_band(rows, list));
         self.sums.clear(rows, &uploads.collect::<Vec<_>>())
+    }
+
+    /// Seconds of illumination and of gathering energies.
+    pub(super) fn seconds(&self) -> f64 {
+        self.illumination + self.gathering
     }
 
     /// Mask steps that are illuminated.

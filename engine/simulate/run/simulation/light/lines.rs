@@ -103,8 +103,7 @@ impl Light for Lines<'_> {
     }
 
     fn seconds(&self) -> Seconds {
-        let of_design = |cells: &CellLight<'_>| cells.illumination + cells.gathering;
-        let illuminate = self.cells.iter().map(of_design).sum::<f64>();
+        let illuminate = self.cells.iter().map(CellLight::seconds).sum::<f64>();
         Seconds { trace: self.seconds - illuminate, illuminate, ..Seconds::default() }
     }
 
