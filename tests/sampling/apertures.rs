@@ -75,7 +75,7 @@ pub(super) fn scenes() -> Vec<(&'static str, Scene)> {
     ]
 }
 
-/// As `light_of_all_kinds_of_scenes_holds_the_tolerance`, with half of its bounds: the largest error is 0.5 tolerances
+/// As `light_of_all_kinds_of_scenes_holds_the_tolerance`: the largest error is 0.5 tolerances
 /// and the largest root mean square is 0.11. Every other scene against a third of the tolerance; all of them against a
 /// sixth with `BEAMLET_ALL`.
 #[test]

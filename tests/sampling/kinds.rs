@@ -3,7 +3,7 @@
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, extruded, sphere};
-use crate::support::{CARBON, Checked, WATER, amount, backends, engine, sample};
+use crate::support::{CARBON, Checked, WATER, Worst, amount, backends, engine, sample};
 use beamlet::scene::{Beam, Blur, MaskBody, Scene, Shape, SpectrumOrigin, SpectrumSpec, Transport};
 use beamlet::stack::ArraySink;
 use beamlet::{Backend, Control, RunRecord};
@@ -149,12 +149,12 @@ fn scenes_of_all_kinds() -> Vec<(&'static str, Scene)> {
     vec![
         ("leaking masks", leaking),
         ("meshes", meshes()),
-        ("walls along the beam", walls()),
-        ("shapes", shapes()),
-        ("walls of meshes", walls_of_meshes()),
         ("no detector mask", tracked),
+        ("shapes", shapes()),
         ("no masks", bare),
+        ("walls along the beam", few_rows(walls())),
         ("detector blur", blurred),
+        ("walls of meshes", walls_of_meshes()),
     ]
 }
 
@@ -181,14 +181,14 @@ pub(super) fn apart(a: &Array4<f32>, b: &Array4<f32>) -> [f64; 2] {
 }
 
 /// Every other scene against a run at a tolerance three times as tight; all of them, six times, with `BEAMLET_ALL`. Spectra
-/// have the exact shapes, apertures.rs has a mask alone, borders.rs a blur. None is beyond five tolerances, as required of
-/// sampling (docs/developers/validation.md), and the root mean square is a half of one at most.
+/// have the exact shapes, apertures.rs has a mask alone, borders.rs a blur. Every value holds the tolerance, and is
+/// within the error that is told for the worst but for a factor of two and the finer run's own tolerance.
 #[test]
 fn light_of_all_kinds_of_scenes_holds_the_tolerance() {
     let engine = engine(Backend::Bvh);
+    let finer = TOLERANCE / amount(3.0, 6.0);
     for (name, scene) in sample(scenes_of_all_kinds(), 2) {
-        let scene = few_rows(scene);
-        let (want, _) = run(&engine, &scene, TOLERANCE / amount(3.0, 6.0));
+        let (want, _) = run(&engine, &scene, finer);
         let (got, record) = run(&engine, &scene, TOLERANCE);
         let [worst, rms] = apart(&got, &want);
         let told = record.sampling.expect("reported errors");
@@ -196,7 +196,8 @@ fn light_of_all_kinds_of_scenes_holds_the_tolerance() {
             "measured kinds, {name}: worst {worst:.1e}, rms {rms:.1e}, told {:.1e}",
             told.worst_error
         );
-        assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{name}: {worst} {rms}");
+        assert!(worst < TOLERANCE && rms < 0.2 * TOLERANCE, "{name}: {worst} {rms}");
+        assert!(worst < 2.0 * told.worst_error + finer, "{name}: {worst}, {told:?}");
         assert!(told.worst_error > 0.0 && told.worst_error <= TOLERANCE, "{name}: {told:?}");
         assert_eq!(told.beyond_tolerance, 0, "{name}");
     }
@@ -298,4 +299,34 @@ fn every_ray_of_exact_transport_is_followed_in_order() {
     assert!(bent > 30.0 * TOLERANCE, "first order differs by {bent:e} only");
     assert!(worst < 5.0 * TOLERANCE && rms < 0.5 * TOLERANCE, "{worst:e}, {rms:e}");
     assert_eq!(got, again);
+}
+
+/// Rays leave a round body near its end by up to several rows, and a box through its lid: light of little height goes over
+/// the border of a row, wherever ends lie in it. Facets at a rim may hide between lines: 1.24 tolerances.
+#[test]
+fn light_at_ends_of_bodies_is_found_wherever_they_lie_in_a_row() {
+    let engine = engine(Backend::Bvh);
+    let shapes = [
+        ("sphere = { radius = \"120 um\" }", 1.0),
+        ("sphere = { radius = \"120 um\", sides = 48 }", 1.5),
+        ("box = { size = [\"300 um\", \"1 mm\", \"240 um\"] }", 1.0),
+    ];
+    for (shape, tolerances) in shapes {
+        let mut worst = Worst::new("light at ends", tolerances * TOLERANCE);
+        for shift in sample((0..8).collect(), 3) {
+            // Rows are 50 um high at the object.
+            let z = f64::from(shift) * 6.25 + 1.3;
+            let mut scene = of_objects(&format!(
+                "[[object]]\nname = \"body\"\nshape = {{ {shape} }}\nmaterial = \"PMMA\"\n\
+                 position = [\"10 um\", \"0 um\", \"{z} um\"]\n"
+            ));
+            scene.detector_mask = None;
+            scene.detector.pixels[0] = 6;
+            let (want, _) = run(&engine, &scene, TOLERANCE / 6.0);
+            let (got, _) = run(&engine, &scene, TOLERANCE);
+            let [most, _] = apart(&got, &want);
+            worst.take(most, || format!("{shape} at {z} um"));
+        }
+        worst.holds();
+    }
 }

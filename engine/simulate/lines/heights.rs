@@ -138,7 +138,7 @@ impl<L: Judged + Clone> Heights<L> {
         let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_FIRST.into());
         let parts: u32 = numbers::whole((1.0 / features.height).ceil().clamp(2.0, room));
         let even = (0..=parts).map(|part| f64::from(part) / f64::from(parts));
-        let mut jumps = jumps(&features.ends, limits.least);
+        let mut jumps = jumps(&features.ends, limits.least, limits.error);
         if parts as usize + 1 + 2 * jumps.len() > limits.lines {
             jumps.clear();
         }

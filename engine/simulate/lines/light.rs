@@ -272,7 +272,8 @@ impl<'a> Illumination<'a> {
         }
         let mean = 0.5 * (displacement[0] + displacement[1]);
         to.displaced[step] += self.by_displacement * light * mean;
-        to.moved[step] += moved * self.down(piece);
+        // More than a row takes no more light out of its own.
+        to.moved[step] += moved * self.down(piece).clamp(-1.0, 1.0);
     }
 
     /// Error of the light of a piece that has the exact ray through its middle alone: by the bend of the displacement

@@ -254,10 +254,13 @@ fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f6
             [first + centre - beside, first + centre + width + beside]
         }
     };
-    let own = beamlets.iter().map(ends(0.0));
-    let mut windows = vec![Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new(), own)];
     // Pixels of a detector that blurs have soft borders, which reach into apertures.
-    let softens = optics.column_parts > 1 && optics.detector_mask.is_some();
+    let softens = optics.column_parts > 1;
+    let mut windows = Vec::new();
+    if optics.detector_mask.is_some() || !softens {
+        let own = beamlets.iter().map(ends(0.0));
+        windows.push(Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new(), own));
+    }
     let parted = if softens || borders_lie_in_apertures(optics, beamlets) { 1.0 } else { leak };
     if parted > 0.0 {
         let aside: Vec<f32> = beamlets.iter().map(|c| pixel_aside(optics, c)).collect();
@@ -275,13 +278,13 @@ fn landing(optics: &Optics, c: &BeamletGeometry) -> f32 {
     if optics.detector_mask.is_some() { c.aperture_offset } else { c.pixel_offset }
 }
 
-/// Centre of the period of the detector mask that light of a beamlet lands in, from the centre of the pixel of the
-/// detector that takes it, m on the analyser.
+/// Centre of the window that [`landing`] counts from, from the centre of the pixel of the detector that takes the light of
+/// a beamlet, m on the analyser.
 fn pixel_aside(optics: &Optics, c: &BeamletGeometry) -> f32 {
     let parts = optics.column_parts;
     let part = f64::from(c.pixel.rem_euclid(parts.cast_signed()));
     let to_pixel = (part + 0.5 - 0.5 * f64::from(parts)) * optics.analyser_pixel();
-    c.pixel_offset - c.aperture_offset + single(to_pixel)
+    c.pixel_offset - landing(optics, c) + single(to_pixel)
 }
 
 /// True if a border between pixels lies in an aperture of the detector mask, seen from the source.

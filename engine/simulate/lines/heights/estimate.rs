@@ -108,22 +108,34 @@ impl<L: Judged + Clone> Heights<L> {
         let uneven = self.limits.uneven.error(own.height) * change;
         let bends = (PER_JUMP * own.height * own.height * worst).hypot(uneven);
         let hidden = if hides { PER_JUMP * own.height * HIDDEN * most } else { 0.0 };
-        let [crossing, hidden_crossing] = self.crossing(at, &own, [above, below]);
+        let [crossing, hidden_crossing] = self.crossing(at, &own, [above, below], most);
         Estimate { bends: bends.hypot(crossing), hidden, hidden_crossing }
     }
 
     /// Error of light that displacement takes over the borders of the row: where the displaced light of an interval
     /// near a border jumps, as much may cross it as the interval has light near the border. The second
     /// error, for halving alone, is of light that may cross it where the two lines cross different surfaces.
-    fn crossing(&self, at: usize, own: &Rise<'_>, beside: [Option<Rise<'_>>; 2]) -> [f64; 2] {
-        let [upper, _] = own.moved;
-        // Light may be displaced farther between two lines than at either.
-        let reach = self.limits.reach + 2.0 * own.farthest;
-        let border = self.lines[at].z.min(1.0 - self.lines[at + 1].z);
-        let near = border < reach || self.limits.uneven == Uneven::Apertures;
+    /// `light`: the most of a window.
+    fn crossing(
+        &self,
+        at: usize,
+        own: &Rise<'_>,
+        beside: [Option<Rise<'_>>; 2],
+        light: f64,
+    ) -> [f64; 2] {
         // Random samples that are reflected go anywhere: their own variance tells what crosses.
-        if upper.is_empty() || !near || self.is_random {
+        if own.moved[0].is_empty() || self.is_random {
             return [0.0; 2];
+        }
+        let border = self.lines[at].z.min(1.0 - self.lines[at + 1].z);
+        let moved = own.moved.into_iter().flatten().fold(0.0_f32, |most, it| most.max(it.abs()));
+        let mean = f64::from(moved) / light.max(f64::MIN_POSITIVE);
+        let hides = own.is_broken && own.height > LEAST_OF_RAYS;
+        let hidden = if hides { light * self.may_cross(own.height, mean, border) } else { 0.0 };
+        // Light may be displaced farther between two lines than at either.
+        let farthest = self.limits.reach + 2.0 * own.farthest;
+        if border >= farthest && self.limits.uneven != Uneven::Apertures {
+            return [0.0, hidden];
         }
         let slope = |it: &Rise<'_>, step: usize| {
             f64::from(it.moved[1][step] - it.moved[0][step]) / it.height
@@ -134,13 +146,24 @@ impl<L: Judged + Clone> Heights<L> {
             own.height * bends.fold(f64::INFINITY, f64::min).min(f64::MAX)
         };
         let alone = beside.iter().all(Option::is_none);
-        let most = (0..upper.len())
+        let most = (0..own.moved[0].len())
             .map(|step| if alone { own.height * slope(own, step).abs() } else { jump(step) });
+        // Most of the light stays nearer than the farthest, and little crosses a border that is far from most of it.
+        let reach = (self.limits.reach + mean).max(border).max(f64::MIN_POSITIVE);
         let error = PER_JUMP * most.fold(0.0, f64::max) * (own.height / reach).min(1.0);
-        let moved = own.moved.into_iter().flatten().fold(0.0_f32, |most, it| most.max(it.abs()));
-        let hides = own.is_broken && own.height > LEAST_OF_RAYS && own.farthest > 0.0;
-        let share = if hides { (own.height / own.farthest).min(1.0) } else { 0.0 };
-        [error, PER_JUMP * f64::from(moved) * share]
+        [error, hidden]
+    }
+
+    /// Height of an interval whose light may cross a border at a distance, where the surface that one end meets may end
+    /// anywhere in it: displacement grows from its mean with the inverse root of the distance to that end. All in rows.
+    fn may_cross(&self, height: f64, displacement: f64, border: f64) -> f64 {
+        let blur = self.limits.reach.max(f64::MIN_POSITIVE);
+        let square = displacement * displacement * height;
+        let beyond = (border - blur).max(f64::MIN_POSITIVE);
+        // Displaced by more than the distance to the border; or by a part of the blur.
+        let farther = libm::cbrt(square).min(square / (beyond * beyond));
+        let blurred = 2.0 * displacement * (height / blur).min((height / blur).sqrt());
+        farther.min(blurred).min(height)
     }
 
     /// Light at the ends of the interval below a line.

@@ -58,8 +58,9 @@ impl Default for Features {
     }
 }
 
-/// Heights of the two lines at each jump of light within a row; none if there are too many.
-pub(super) fn jumps(ends: &[[f64; 2]], least: f64) -> Vec<[f64; 2]> {
+/// Heights of the two lines at each jump of light within a row; none if there are too many. Of an end over a range that
+/// has more light than this error both ends of the range are jumps: all light between may be deflected.
+pub(super) fn jumps(ends: &[[f64; 2]], least: f64, error: f64) -> Vec<[f64; 2]> {
     let near = |[low, high]: &[f64; 2]| *low < 1.0 + least && *high > -least;
     let ranges = ends.iter().filter(|range| near(range));
     let mut ranges: Vec<[f64; 2]> = ranges.map(|[low, high]| [low - least, high + least]).collect();
@@ -72,5 +73,13 @@ pub(super) fn jumps(ends: &[[f64; 2]], least: f64) -> Vec<[f64; 2]> {
         }
     }
     joined.retain(|[low, high]| high - low <= FLAT + 2.0 * least);
-    if joined.len() > MOST_JUMPS { Vec::new() } else { joined }
+    if joined.len() > MOST_JUMPS {
+        return Vec::new();
+    }
+    let of_end = |[low, high]: [f64; 2]| {
+        let is_one = high - low < error + 4.0 * least;
+        let parts = [[low, low + 2.0 * least], [high - 2.0 * least, high]];
+        if is_one { vec![[low, high]] } else { parts.to_vec() }
+    };
+    joined.into_iter().flat_map(of_end).collect()
 }
