@@ -7,7 +7,8 @@
 use crate::support::{Worst, engine, sample};
 use beamlet::Backend;
 use beamlet::scene::Scene;
-use ndarray::Array4;
+use ndarray::{Array2, Array4};
+use std::path::Path;
 
 /// Tolerance of the scenes, share of open beam.
 const TOLERANCE: f64 = 1e-4;
@@ -31,6 +32,17 @@ fn scene(spot: &str, detector: &str, tolerance: f64) -> Scene {
     Scene::from_toml(&text, ".").unwrap()
 }
 
+/// Blur by a measured kernel: an image of a Gaussian of 63 um along x and 20 um along z.
+fn measured_kernel(folder: &Path) -> String {
+    let path = folder.join("kernel.npy");
+    let kernel = Array2::from_shape_fn((21, 61), |(row, column)| {
+        let [x, z] = [(column as f32 - 30.0) * 10.0 / 63.0, (row as f32 - 10.0) * 10.0 / 20.0];
+        (-0.5 * (x * x + z * z)).exp()
+    });
+    ndarray_npy::write_npy(&path, &kernel).unwrap();
+    format!("blur = {{ kernel = {path:?}, pixel = \"10 um\" }}")
+}
+
 fn plain(scene: &Scene) -> Array4<f32> {
     engine(Backend::Bvh).simulate(scene).unwrap().sample
 }
@@ -39,6 +51,8 @@ fn plain(scene: &Scene) -> Array4<f32> {
 #[test]
 fn light_under_a_blur_holds_the_tolerance() {
     let blur = |x: u32, z: u32| format!("blur = {{ sigma = [\"{x} um\", \"{z} um\"] }}");
+    let place = tempfile::tempdir().unwrap();
+    let measured = measured_kernel(place.path());
     let cases = vec![
         ("along both", "26", blur(50, 80)),
         ("none", "26", String::new()),
@@ -46,10 +60,19 @@ fn light_under_a_blur_holds_the_tolerance() {
         ("a fourth of a row", "26", blur(0, 40)),
         ("a spot", "200", String::new()),
         ("along z", "26", blur(0, 80)),
+        ("no mask", "26", blur(450, 0)),
+        ("a kernel", "26", measured.clone()),
+        ("no mask, a kernel", "26", measured),
+        ("no mask, a spot", "200", blur(50, 0)),
     ];
     for (name, spot, detector) in sample(cases, 2) {
-        let [want, got] =
-            [FINE, TOLERANCE].map(|tolerance| plain(&scene(spot, &detector, tolerance)));
+        let [want, got] = [FINE, TOLERANCE].map(|tolerance| {
+            let mut scene = scene(spot, &detector, tolerance);
+            if name.starts_with("no mask") {
+                (scene.sample_mask, scene.scan.mask_offsets) = (None, vec![0.0]);
+            }
+            plain(&scene)
+        });
         let mut worst = Worst::new("light under a blur", TOLERANCE + FINE);
         for ((place, got), want) in got.indexed_iter().zip(want.iter()) {
             worst.take(f64::from(got - want), || format!("{name}, {place:?}"));

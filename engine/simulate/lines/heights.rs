@@ -27,6 +27,39 @@ pub(crate) const LEAST_OF_RAYS: f64 = 1.0 / 4096.0;
 /// counts, of many the light between lines varies anyway.
 const MOST_FIRST: u32 = 26;
 
+/// Light of a mask step by its displacement, rows downwards; more than a row counts as one.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct Moved {
+    /// All light.
+    pub light: f32,
+    /// Light times displacement.
+    pub displaced: f32,
+    /// Light times distance.
+    pub distance: f32,
+    /// Light times the square of displacement.
+    pub square: f32,
+}
+
+impl Moved {
+    /// Adds light that is displaced so far, rows.
+    pub(crate) fn add(&mut self, light: f32, displacement: f32) {
+        // More than a row takes no more light out of its own.
+        let displacement = displacement.clamp(-1.0, 1.0);
+        self.light += light;
+        self.displaced += light * displacement;
+        self.distance += light * displacement.abs();
+        self.square += light * displacement * displacement;
+    }
+
+    /// Adds a share of other light to a share of this.
+    pub(crate) fn mix(&mut self, own: f32, share: f32, other: &Self) {
+        self.light = own * self.light + share * other.light;
+        self.displaced = own * self.displaced + share * other.displaced;
+        self.distance = own * self.distance + share * other.distance;
+        self.square = own * self.square + share * other.square;
+    }
+}
+
 /// Light of a line, as heights are judged by it.
 pub(crate) trait Judged {
     /// Recorded values.
@@ -37,8 +70,8 @@ pub(crate) trait Judged {
         &[]
     }
 
-    /// Light times its displacement, rows downwards, of each mask step; none where light stays in its row.
-    fn moved(&self) -> &[f32] {
+    /// Light that is displaced along z, of each mask step; none where light stays in its row.
+    fn moved(&self) -> &[Moved] {
         &[]
     }
 
@@ -71,6 +104,8 @@ pub(crate) struct Limits {
     pub uneven: Uneven,
     /// Least height of an interval, and distance of a line from the jump beside it, rows.
     pub least: f64,
+    /// Height whose light may be lost, rows.
+    pub thin: f64,
 }
 
 /// Windows along z whose light is not the integral of light that is linear between two lines.
@@ -138,10 +173,10 @@ impl<L: Judged + Clone> Heights<L> {
         let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_FIRST.into());
         let parts: u32 = numbers::whole((1.0 / features.height).ceil().clamp(2.0, room));
         let even = (0..=parts).map(|part| f64::from(part) / f64::from(parts));
-        let mut jumps = jumps(&features.ends, limits.least, limits.error);
-        if parts as usize + 1 + 2 * jumps.len() > limits.lines {
-            jumps.clear();
-        }
+        let fits = |jumps: &Vec<[f64; 2]>| parts as usize + 1 + 2 * jumps.len() <= limits.lines;
+        let of_ends = |thin: f64| jumps(&features.ends, limits.least, thin);
+        let all = [of_ends(limits.thin), of_ends(f64::INFINITY)];
+        let jumps = all.into_iter().find(fits).unwrap_or_default();
         let is_beside = |z: &f64| jumps.iter().all(|[low, high]| z <= low || z >= high);
         let left = limits.lines.saturating_sub(parts as usize + 1 + 2 * jumps.len());
         let lids = features.lids.iter().copied().take(left.min(MOST_FIRST as usize));

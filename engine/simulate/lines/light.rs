@@ -1,6 +1,6 @@
 //! Light of lines: what windows record of the pieces of a line, for each mask step.
 
-use super::heights::{Draws, Judged};
+use super::heights::{Draws, Judged, Moved};
 use super::line::{Neighbours, PER_BEND, PER_JUMP, Piece, Source, open_share};
 use super::window_light::{Values, WindowLight};
 use crate::sampling::{Landed, Opening, Response, ViewContext};
@@ -34,8 +34,8 @@ pub(crate) struct LitLine {
     pub light: WindowLight,
     /// Light times displacement along x, by mask step, as an error of light.
     pub(super) displaced: Vec<f32>,
-    /// Light times displacement, rows downwards, by mask step.
-    pub(super) moved: Vec<f32>,
+    /// Light that is displaced along z, by mask step.
+    pub(super) moved: Vec<Moved>,
     /// Largest displacement of its light along z, rows.
     pub farthest: f32,
     /// Estimated error by exact rays, of the worst mask step.
@@ -54,7 +54,7 @@ impl LitLine {
     /// Bytes that it holds.
     pub(crate) fn bytes(&self) -> u64 {
         let pieces = self.pieces.len() * size_of::<Piece>();
-        let steps = (self.displaced.len() + self.moved.len()) * size_of::<f32>();
+        let steps = size_of_val(&self.displaced[..]) + size_of_val(&self.moved[..]);
         (pieces + self.light.bytes() + steps + size_of::<Self>()) as u64
     }
 }
@@ -68,7 +68,7 @@ impl Judged for std::sync::Arc<LitLine> {
         &self.displaced
     }
 
-    fn moved(&self) -> &[f32] {
+    fn moved(&self) -> &[Moved] {
         &self.moved
     }
 
@@ -155,7 +155,7 @@ impl<'a> Illumination<'a> {
         let none = || LitLine {
             light: self.no_light(),
             displaced: vec![0.0; steps],
-            moved: vec![0.0; steps],
+            moved: vec![Moved::default(); steps],
             ..LitLine::default()
         };
         let half = single(0.5 * self.view.lattice.period);
@@ -181,7 +181,7 @@ impl<'a> Illumination<'a> {
                 }
             }
             light.displaced.iter_mut().for_each(|it| *it = open * *it + leak * leaked.displaced[0]);
-            light.moved.iter_mut().for_each(|it| *it = open * *it + leak * leaked.moved[0]);
+            light.moved.iter_mut().for_each(|it| it.mix(open, leak, &leaked.moved[0]));
         }
         light
     }
@@ -248,7 +248,8 @@ impl<'a> Illumination<'a> {
         } else {
             &[SpreadPart { deviations: 0.0, share: 1.0 }]
         };
-        let (mut moved, step) = (0.0, opening.step as usize);
+        let step = opening.step as usize;
+        let down = self.down(piece);
         let [shares, ratios] = response.hardening.refraction();
         for (part, ratio) in shares.into_iter().zip(ratios).filter(|(part, _)| *part > 0.0) {
             let [low, high] = [0, 1]
@@ -264,16 +265,13 @@ impl<'a> Illumination<'a> {
                         let passed = windows.passed(aside, half, slope);
                         let passed = spread.share * (part * light * windows.share * passed);
                         to.light.window(number)[kind * steps + step] += passed;
-                        // Times its refraction over that at the mean constants.
-                        moved += ratio * passed;
+                        to.moved[step].add(passed, ratio * down);
                     }
                 }
             }
         }
         let mean = 0.5 * (displacement[0] + displacement[1]);
         to.displaced[step] += self.by_displacement * light * mean;
-        // More than a row takes no more light out of its own.
-        to.moved[step] += moved * self.down(piece).clamp(-1.0, 1.0);
     }
 
     /// Error of the light of a piece that has the exact ray through its middle alone: by the bend of the displacement

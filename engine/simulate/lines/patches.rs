@@ -114,8 +114,10 @@ pub(crate) struct LineSampler<'a> {
 
 impl<'a> LineSampler<'a> {
     pub(crate) fn new(view: &'a ViewContext<'a>) -> Self {
+        let safety = safety(view.responses.fewest_steps());
         let limits = Limits {
-            error: safety(view.responses.fewest_steps()) * view.budget.light,
+            error: safety * view.budget.light,
+            thin: safety * view.budget.tolerance,
             lines: view.budget.max_rays as usize,
             reach: REACH * view.lattice.row_blur(),
             uneven: uneven(view),

@@ -10,6 +10,7 @@ use beamlet_core::numbers::single;
 use beamlet_interface::{BeamletGeometry, NO_LIGHT};
 use beamlet_model::optics::{Mask, Openings, Optics};
 use std::cmp::Ordering;
+use std::f64::consts::FRAC_1_SQRT_2;
 
 /// A border of pixels is in an aperture if it is farther than this from its ends, periods of the mask: where an aperture
 /// is as wide as a pixel both are the same place, rounded.
@@ -23,7 +24,7 @@ const SOFT_EDGE: f64 = 2.0;
 #[derive(Debug, Clone)]
 pub(crate) struct Response {
     /// Windows that light passes: apertures of the detector mask or pixels; behind a detector mask
-    /// whose bars leak those, and pixels.
+    /// whose bars leak those, and pixels; of a detector that blurs pixels, beside parts of pixels for a measured kernel.
     pub(crate) windows: Vec<Windows>,
     /// Standard deviation of the blur on the analyser, m.
     pub(super) blur: f32,
@@ -254,10 +255,12 @@ fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f6
             [first + centre - beside, first + centre + width + beside]
         }
     };
-    // Pixels of a detector that blurs have soft borders, which reach into apertures.
+    // Pixels of a detector that blurs have soft borders, which reach into apertures. Of a measured kernel parts of pixels
+    // are windows as well: they see light that moves within a pixel.
     let softens = optics.column_parts > 1;
+    let alone = softens && optics.detector_mask.is_none() && of_detector > 0.0;
     let mut windows = Vec::new();
-    if optics.detector_mask.is_some() || !softens {
+    if !alone {
         let own = beamlets.iter().map(ends(0.0));
         windows.push(Windows::new(&optics.windows(), blur, 1.0 - leak, Vec::new(), own));
     }
@@ -268,18 +271,23 @@ fn windows_of(optics: &Optics, beamlets: &[BeamletGeometry], leak: f32, blur: f6
             beamlets.iter().zip(&aside).map(|(c, aside)| ends((*aside).into())(c)).collect();
         let soft = if softens { blur.hypot(of_detector) } else { blur };
         let pixels = optics.whole_pixel_windows();
-        windows.push(Windows::new(&pixels, soft, parted, aside, own.into_iter()));
+        // Beamlets side by side err alike, and a pixel has the light of as many as there are pixels that share the light
+        // of one.
+        let half = 0.5 * pixels.period[0] / soft;
+        let share = if alone { single(1.0 / libm::erf(half * FRAC_1_SQRT_2)) } else { parted };
+        windows.push(Windows::new(&pixels, soft, share, aside, own.into_iter()));
     }
     windows
 }
 
-/// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the nearest window, m.
+/// Landing point of an undeflected ray through the centre of a beamlet, from the centre of the nearest aperture of the
+/// detector mask, or of the nearest part of a pixel without one, m.
 fn landing(optics: &Optics, c: &BeamletGeometry) -> f32 {
     if optics.detector_mask.is_some() { c.aperture_offset } else { c.pixel_offset }
 }
 
-/// Centre of the window that [`landing`] counts from, from the centre of the pixel of the detector that takes the light of
-/// a beamlet, m on the analyser.
+/// Place that [`landing`] counts from, from the centre of the pixel of the detector that takes the light of a beamlet, m on
+/// the analyser.
 fn pixel_aside(optics: &Optics, c: &BeamletGeometry) -> f32 {
     let parts = optics.column_parts;
     let part = f64::from(c.pixel.rem_euclid(parts.cast_signed()));

@@ -72,6 +72,7 @@ impl WaveBand {
             reach: 0.0,
             uneven: Uneven::Never,
             least: LEAST_OF_RAYS,
+            thin: BY_HEIGHTS * view.tolerance,
         };
         let mut tally = Tally::default();
         let mut cells = vec![CellBatch::default(); self.plan.energies as usize];

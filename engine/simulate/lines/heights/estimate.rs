@@ -1,6 +1,6 @@
 //! Estimated errors of the intervals between lines, by the bends of light.
 
-use super::{Heights, Judged, LEAST_OF_RAYS, Uneven};
+use super::{Heights, Judged, LEAST_OF_RAYS, Moved, Uneven};
 use crate::lines::line::PER_JUMP;
 use crate::lines::window_light::{Values, places};
 
@@ -45,12 +45,21 @@ impl Estimate {
 struct Rise<'a> {
     /// Light, and light times displacement along x, each at the upper and lower end.
     values: [[Values<'a>; 2]; 2],
-    moved: [&'a [f32]; 2],
+    moved: [&'a [Moved]; 2],
     farthest: f64,
     /// Rays of the two lines cross other surfaces.
     is_broken: bool,
     /// Height of the interval, rows.
     height: f64,
+}
+
+/// Errors of light that crosses a border of the row.
+#[derive(Debug, Clone, Copy, Default)]
+struct Crossing {
+    /// Error that lines show.
+    error: f64,
+    /// Error by light between two lines whose rays cross different surfaces, for halving alone.
+    hidden: f64,
 }
 
 /// Value that is judged: its kind and place among [`Rise::values`].
@@ -64,6 +73,11 @@ impl Rise<'_> {
     /// A value at the upper and lower end.
     fn ends(&self, Value { kind, place }: Value) -> [f64; 2] {
         self.values[kind].map(|it| it.at(place))
+    }
+
+    /// Most light of a window at either end.
+    fn most_light(&self) -> f32 {
+        self.values[0].into_iter().flat_map(|it| it.values).fold(0.0, |most, it| most.max(*it))
     }
 
     /// Change of a value per row.
@@ -104,41 +118,39 @@ impl<L: Judged + Clone> Heights<L> {
                     && above.iter().chain(&below).all(is_level);
             }
         }
-        let hides = is_jump && own.height > LEAST_OF_RAYS;
+        let hides = is_jump && own.height > LEAST_OF_RAYS.max(2.5 * self.limits.least);
         let uneven = self.limits.uneven.error(own.height) * change;
         let bends = (PER_JUMP * own.height * own.height * worst).hypot(uneven);
         let hidden = if hides { PER_JUMP * own.height * HIDDEN * most } else { 0.0 };
-        let [crossing, hidden_crossing] = self.crossing(at, &own, [above, below], most);
-        Estimate { bends: bends.hypot(crossing), hidden, hidden_crossing }
+        let crossing = self.crossing(at, &own, [above, below]);
+        Estimate { bends: bends.hypot(crossing.error), hidden, hidden_crossing: crossing.hidden }
     }
 
-    /// Error of light that displacement takes over the borders of the row: where the displaced light of an interval
-    /// near a border jumps, as much may cross it as the interval has light near the border. The second
-    /// error, for halving alone, is of light that may cross it where the two lines cross different surfaces.
-    /// `light`: the most of a window.
-    fn crossing(
-        &self,
-        at: usize,
-        own: &Rise<'_>,
-        beside: [Option<Rise<'_>>; 2],
-        light: f64,
-    ) -> [f64; 2] {
+    /// Errors of light that displacement takes over the borders of the row: where the displaced light of an interval
+    /// near a border jumps, as much may cross it as the interval has light near the border.
+    fn crossing(&self, at: usize, own: &Rise<'_>, beside: [Option<Rise<'_>>; 2]) -> Crossing {
         // Random samples that are reflected go anywhere: their own variance tells what crosses.
         if own.moved[0].is_empty() || self.is_random {
-            return [0.0; 2];
+            return Crossing::default();
         }
-        let border = self.lines[at].z.min(1.0 - self.lines[at + 1].z);
-        let moved = own.moved.into_iter().flatten().fold(0.0_f32, |most, it| most.max(it.abs()));
-        let mean = f64::from(moved) / light.max(f64::MIN_POSITIVE);
+        let cut = self.limits.uneven == Uneven::Apertures;
+        // Apertures that end along z end anywhere in the row.
+        let border = if cut { 0.0 } else { self.lines[at].z.min(1.0 - self.lines[at + 1].z) };
+        let moved = || own.moved.into_iter().flatten();
+        // Light of all windows; errors are those of one.
+        let in_one =
+            f64::from(own.most_light() / moved().fold(f32::MIN_POSITIVE, |m, it| m.max(it.light)));
+        let in_one = in_one.min(1.0);
         let hides = own.is_broken && own.height > LEAST_OF_RAYS;
-        let hidden = if hides { light * self.may_cross(own.height, mean, border) } else { 0.0 };
+        let hidden = |it: &Moved| self.crossing_light(own.height, it, border);
+        let hidden = if hides { in_one * moved().map(hidden).fold(0.0, f64::max) } else { 0.0 };
         // Light may be displaced farther between two lines than at either.
         let farthest = self.limits.reach + 2.0 * own.farthest;
-        if border >= farthest && self.limits.uneven != Uneven::Apertures {
-            return [0.0, hidden];
+        if border >= farthest && !cut {
+            return Crossing { error: 0.0, hidden };
         }
         let slope = |it: &Rise<'_>, step: usize| {
-            f64::from(it.moved[1][step] - it.moved[0][step]) / it.height
+            f64::from(it.moved[1][step].displaced - it.moved[0][step].displaced) / it.height
         };
         let jump = |step: usize| {
             let slope_of_own = slope(own, step);
@@ -148,22 +160,26 @@ impl<L: Judged + Clone> Heights<L> {
         let alone = beside.iter().all(Option::is_none);
         let most = (0..own.moved[0].len())
             .map(|step| if alone { own.height * slope(own, step).abs() } else { jump(step) });
+        let mean = |it: &Moved| f64::from(it.distance / it.light.max(f32::MIN_POSITIVE));
+        let mean = moved().map(mean).fold(0.0, f64::max);
         // Most of the light stays nearer than the farthest, and little crosses a border that is far from most of it.
         let reach = (self.limits.reach + mean).max(border).max(f64::MIN_POSITIVE);
-        let error = PER_JUMP * most.fold(0.0, f64::max) * (own.height / reach).min(1.0);
-        [error, hidden]
+        let near = (own.height / reach).min(1.0);
+        Crossing { error: PER_JUMP * in_one * most.fold(0.0, f64::max) * near, hidden }
     }
 
-    /// Height of an interval whose light may cross a border at a distance, where the surface that one end meets may end
-    /// anywhere in it: displacement grows from its mean with the inverse root of the distance to that end. All in rows.
-    fn may_cross(&self, height: f64, displacement: f64, border: f64) -> f64 {
+    /// Light that may cross a border at a distance, from an interval of which one end has this light: its surface may end
+    /// anywhere in the interval, and displacement grows with the inverse root of the distance to that end. In rows.
+    fn crossing_light(&self, height: f64, moved: &Moved, border: f64) -> f64 {
+        let [light, distance, square] = [moved.light, moved.distance, moved.square].map(f64::from);
         let blur = self.limits.reach.max(f64::MIN_POSITIVE);
-        let square = displacement * displacement * height;
         let beyond = (border - blur).max(f64::MIN_POSITIVE);
-        // Displaced by more than the distance to the border; or by a part of the blur.
-        let farther = libm::cbrt(square).min(square / (beyond * beyond));
-        let blurred = 2.0 * displacement * (height / blur).min((height / blur).sqrt());
-        farther.min(blurred).min(height)
+        // By more than the distance to the border: d² h / z² of the light lies farther than z.
+        let farther =
+            libm::cbrt(light * light * square * height).min(square * height / (beyond * beyond));
+        // By a part of the blur.
+        let blurred = 2.0 * distance * (height / blur).min((height / blur).sqrt());
+        farther.min(blurred).min(light * height)
     }
 
     /// Light at the ends of the interval below a line.

@@ -5,8 +5,8 @@ use crate::sampling::ProjectedBounds;
 
 /// Most height of the end of a body that counts as a jump, rows: its light is linear there, or halved as any other.
 const FLAT: f64 = 1.0 / 32.0;
-/// Most jumps of a row with lines of their own, or that may hide light: light that jumps more often swings, and its
-/// bends tell its error.
+/// Most flat ends in a row with lines of their own, or jumps that may hide light: light that jumps more often swings, and
+/// its bends tell its error.
 pub(super) const MOST_JUMPS: usize = 4;
 
 /// Bodies of a beamlet and row, before its first line.
@@ -58,9 +58,9 @@ impl Default for Features {
     }
 }
 
-/// Heights of the two lines at each jump of light within a row; none if there are too many. Of an end over a range that
-/// has more light than this error both ends of the range are jumps: all light between may be deflected.
-pub(super) fn jumps(ends: &[[f64; 2]], least: f64, error: f64) -> Vec<[f64; 2]> {
+/// Heights of the two lines at each jump of light within a row; none if there are too many. Both borders of an end that
+/// is higher than `thin`, rows, are jumps: all light between them may be deflected.
+pub(super) fn jumps(ends: &[[f64; 2]], least: f64, thin: f64) -> Vec<[f64; 2]> {
     let near = |[low, high]: &[f64; 2]| *low < 1.0 + least && *high > -least;
     let ranges = ends.iter().filter(|range| near(range));
     let mut ranges: Vec<[f64; 2]> = ranges.map(|[low, high]| [low - least, high + least]).collect();
@@ -77,7 +77,7 @@ pub(super) fn jumps(ends: &[[f64; 2]], least: f64, error: f64) -> Vec<[f64; 2]> 
         return Vec::new();
     }
     let of_end = |[low, high]: [f64; 2]| {
-        let is_one = high - low < error + 4.0 * least;
+        let is_one = high - low < thin + 4.0 * least;
         let parts = [[low, low + 2.0 * least], [high - 2.0 * least, high]];
         if is_one { vec![[low, high]] } else { parts.to_vec() }
     };

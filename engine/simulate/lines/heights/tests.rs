@@ -5,8 +5,14 @@ use beamlet_core::numbers::single;
 use beamlet_core::random::Draws;
 
 const EVEN: Features = Features { height: 1.0, ends: Vec::new(), lids: Vec::new(), rough: false };
-const LIMITS: Limits =
-    Limits { error: 1e-4, lines: 1000, reach: 0.0, uneven: Uneven::Never, least: LEAST_OF_RAYS };
+const LIMITS: Limits = Limits {
+    error: 1e-4,
+    lines: 1000,
+    reach: 0.0,
+    uneven: Uneven::Never,
+    least: LEAST_OF_RAYS,
+    thin: 1e-4,
+};
 
 impl Judged for Vec<f32> {
     fn values(&self) -> Values<'_> {

@@ -301,8 +301,8 @@ fn error_budget(scene: &Scene, optics: &Optics) -> ErrorBudget {
     let [columns, rows] =
         [0, 1].map(|axis| scene.detector.pitch[axis] / optics.detector.pitch[axis]);
     let angles = scene.sample_mask.is_some();
-    // Light of a beamlet of a sample mask is judged by whole pixels, in the unit of one of their parts. Without one each part
-    // has lines of its own, but lines at the same heights err alike; rows err separately.
+    // Rays judge the light of a beamlet of a sample mask by whole pixels, in the unit of one of their parts. Without a sample
+    // mask each part has lines of its own, but lines at the same heights err alike; rows err separately.
     let by_grid = rows.sqrt() * if angles { columns } else { 1.0 };
     let blurred = if by_grid > 1.0 { BLURRED } else { 1.0 };
     ErrorBudget {
