@@ -42,6 +42,8 @@ const PERMUTATIONS: &[Permutation] = &[
     ("illuminate_far", "illuminate.comp", &[("FAR", "1")]),
     ("illuminate_walls", "illuminate.comp", &[("WALLS", "1"), ("FAR", "1")]),
     ("illuminate_heights", "illuminate.comp", &[("HEIGHTS", "1")]),
+    ("energies", "light/energies.comp", &[]),
+    ("gather", "light/gather.comp", &[]),
     ("random_rays", "random_rays.comp", &[]),
     ("random_light", "random_light.comp", &[]),
     ("random_light_walls", "random_light.comp", &[("WALLS", "1")]),

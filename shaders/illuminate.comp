@@ -211,6 +211,8 @@ void main() {
     light = push.light_ref.at[0];
     part = push.parts.at[push.first_part + gl_GlobalInvocationID.x];
     cell_row = push.cell_rows.at[part.cell_row];
+    part.last = min(part.last, cell_row.cell_count);
+    if (part.first >= part.last) return;
     setting_begin();
 #ifdef HEIGHTS
     heights_begin();

@@ -113,8 +113,8 @@ pub use constants::*;
 pub use fit::{FitPush, Step};
 pub use glsl::glsl_files;
 pub use light::{
-    Aperture, BarLayer, BeamletGeometry, Cell, CellRow, CellRowPart, HeightParams, IlluminatePush,
-    IlluminationParams, Mask, MaskHeights, MaskStrip, Pixel, RandomLightPush, RandomRaysPush,
+    Aperture, BarLayer, BeamletGeometry, Cell, CellRow, CellRowPart, EnergiesPush, EnergyParams,
+    EnergyResult, EnergyRow, GatherPush, HeightParams, IlluminatePush, IlluminationParams, Mask, MaskHeights, MaskStrip, Pixel, RandomLightPush, RandomRaysPush,
     RowGeometry, SpotPart,
 };
 pub use reconstruct::{

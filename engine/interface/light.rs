@@ -130,7 +130,7 @@ shared_structs! {
     }
 
     /// Cells of one beamlet in one interval of z.
-    pub struct CellRow in CellRows(readonly) {
+    pub struct CellRow in CellRows(readonly), CellRowsOut {
         pub first_cell: u32,
         pub cell_count: u32,
         /// Index of the beamlet.
@@ -153,7 +153,7 @@ shared_structs! {
     }
 
     /// A cell: x interval in the cell plane, relative to the beamlet's centre; results at its ends.
-    pub struct Cell in Cells(readonly) {
+    pub struct Cell in Cells(readonly), CellsOut {
         pub x_low: f32,
         pub x_high: f32,
         pub depth_low: f32,
@@ -187,8 +187,103 @@ shared_structs! {
         pub cell_row: u32,
         /// First cell, counted from the first of the cell row.
         pub first: u32,
-        /// End of the cells (exclusive).
+        /// End of the cells (exclusive); may lie behind the last of the cell row.
         pub last: u32,
+    }
+
+    /// Energies of a scene, and how far one cell may stand for several.
+    pub struct EnergyParams in EnergyParamsRef(readonly) {
+        /// Address of `Floats`: the words of the moments of variances, then `[energy]`: refraction relative to the mean
+        /// constants, mu and delta of each material, and a factor for each moment of a variance. Behind the energies the
+        /// mean constants.
+        pub constants: u64,
+        pub energies: u32,
+        /// Ways through the masks.
+        pub groups: u32,
+        pub materials: u32,
+        /// Words of the moments of a ray.
+        pub moment_words: u32,
+        /// Moments of variances.
+        pub variances: u32,
+        /// Apertures end along z.
+        pub heights: u32,
+        /// Width of the widest cell that needs all of the accuracy, m.
+        pub full_width: f32,
+        /// Of displacements on the analyser, m.
+        pub tolerance: f32,
+        /// Largest standard deviation of the displacement over the energies of a cell, m: along x on the analyser.
+        pub spread_x: f32,
+        /// Along z on the detector.
+        pub spread_z: f32,
+        /// From analyser to detector, m.
+        pub gap: f32,
+        /// Analyser / detector distance.
+        pub ratio: f32,
+        /// M, on the detector.
+        pub row_pitch: f32,
+        /// Rows, standard deviation.
+        pub row_blur: f32,
+    }
+
+    /// Results of the rays at the ends of a cell at one energy.
+    pub struct EnergyResult in EnergyResults {
+        pub depth_low: f32,
+        pub depth_high: f32,
+        /// Displacement at the analyser, m.
+        pub x_low: f32,
+        pub x_high: f32,
+        /// Mean displacement at the detector, m.
+        pub z: f32,
+        /// Mean change of slope.
+        pub slope_x: f32,
+        /// Variance of the displacement along x, m2.
+        pub variance: f32,
+    }
+
+    /// What a cell row is gathered with.
+    pub struct EnergyRow in EnergyRows(readonly) {
+        /// First word of the effect of the masks at its place: `[group][energy]` shares, `[energy]` shares of all groups,
+        /// `[energy][mask]` narrowing, `[group]` first energy, end of the energies, and limits of joined cells: width (< 0:
+        /// none are joined), residual, change.
+        pub bars: u32,
+        /// First of its gathered cells.
+        pub first_cell: u32,
+    }
+
+    /// Push constants of `light/energies.comp`.
+    pub struct EnergiesPush {
+        pub params: u64 => EnergyParamsRef,
+        pub cells: u64 => Cells,
+        /// `[cell][end][word]`: moments of the rays at the ends of cells.
+        pub moments: u64 => Floats,
+        /// `[cell]`: number of the exact cell, from 1; 0 for others.
+        pub exact: u64 => Words,
+        /// `[exact cell][end]` at the mean constants, and results at single energies.
+        pub rays: u64 => RayResults,
+        /// `[exact cell][energy]`: index of the result at this energy; 0: none.
+        pub repeated: u64 => Words,
+        /// `[cell][energy]`.
+        pub results: u64 => EnergyResults,
+        pub cell_count: u32,
+    }
+
+    /// Push constants of `light/gather.comp`.
+    pub struct GatherPush {
+        pub params: u64 => EnergyParamsRef,
+        pub cell_rows: u64 => CellRows,
+        pub energy_rows: u64 => EnergyRows,
+        pub cells: u64 => Cells,
+        /// `[cell][energy]`.
+        pub results: u64 => EnergyResults,
+        pub bars: u64 => Floats,
+        pub gathered: u64 => CellsOut,
+        /// `[list]`: all rows, then those of light that may land far.
+        pub gathered_rows: u64 => CellRowsOut,
+        pub row_count: u32,
+        /// Number of the first rows whose light may land far.
+        pub far_count: u32,
+        /// A list for each energy; otherwise for each group.
+        pub by_energy: u32,
     }
 
     /// A Gaussian of the focal spot.

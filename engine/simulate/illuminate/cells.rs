@@ -4,12 +4,15 @@ use super::fill::items_each;
 use super::fit::fit;
 use super::light::{ApertureEdges, IlluminationBuffer};
 use super::row_parts::parts_of;
+use super::spectral::{Dispatches, Gatherer, Gathering};
 use super::sums::PixelSums;
 use crate::sampling::{CellBatch, lands_near};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Buffer, Device, DeviceKind, LazyKernel, Pace, Recorder, Upload, push_bytes};
-use beamlet_interface::{Cell, CellRow, CellRowPart, GROUP, IlluminatePush};
+use beamlet_interface::{
+    Address, Cell, CellRow, CellRowPart, EnergiesPush, GROUP, GatherPush, IlluminatePush,
+};
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -26,6 +29,9 @@ pub(crate) struct CellKernels {
     walls: LazyKernel,
     /// For masks whose apertures end along z.
     heights: LazyKernel,
+    /// Results of cells at each energy, and the gathering of energies.
+    energies: LazyKernel,
+    gather: LazyKernel,
 }
 
 impl CellKernels {
@@ -38,6 +44,8 @@ impl CellKernels {
             far: kernel("illuminate_far"),
             walls: kernel("illuminate_walls"),
             heights: kernel("illuminate_heights"),
+            energies: LazyKernel::new(device, "energies", push_bytes::<EnergiesPush>()),
+            gather: LazyKernel::new(device, "gather", push_bytes::<GatherPush>()),
         }
     }
 
@@ -104,6 +112,8 @@ pub(crate) struct CellIlluminator {
     pace: Pace,
     /// Dispatches of the next submission, and their cost.
     planned: Vec<(Reach, IlluminatePush)>,
+    /// Dispatches before these.
+    gathering: Option<Dispatches>,
     planned_cost: u64,
     cancel: Cancel,
 }
@@ -127,6 +137,7 @@ impl CellIlluminator {
             cells: None,
             pace: Pace::new(SIZES[0] >> if is_cpu { 6 } else { 0 }, SIZES[1], SIZES[2]),
             planned: Vec::new(),
+            gathering: None,
             planned_cost: 0,
             cancel: cancel.clone(),
         }
@@ -158,6 +169,61 @@ impl CellIlluminator {
         Ok(())
     }
 
+    /// Adds the light of all energies of cells to the sums, at `steps` mask steps. `lights`: of the lists of the gatherer.
+    ///
+    /// # Errors
+    /// As [`Self::add`].
+    pub(crate) fn add_gathered(
+        &mut self,
+        gatherer: &mut Gatherer<'_>,
+        gathering: &Gathering<'_>,
+        lights: &[IlluminationBuffer],
+        sums: &PixelSums,
+        steps: u32,
+    ) -> Result<()> {
+        let of_lists = gathering.rows.iter().map(|it| it.rows_of_list() * it.lists.len());
+        self.fit(gathering.places, of_lists.sum())?;
+        let (Some(cells), Some(cell_rows)) = (self.cells.take(), self.cell_rows.take()) else {
+            unreachable!("both were made")
+        };
+        let (mut parts, mut pieces, mut address) = (Vec::new(), Vec::new(), cell_rows.address());
+        for rows in &gathering.rows {
+            let mut add = |some: &[CellRow], first_row: u32, far: bool| {
+                let first = numbers::count(parts.len());
+                let own = parts_of(some, first_row, far).into_iter().map(|part| {
+                    // Energies may have several cells for a traced one.
+                    let is_last = part.last == some[(part.cell_row - first_row) as usize].cell_count;
+                    CellRowPart { last: if is_last { u32::MAX } else { part.last }, ..part }
+                });
+                parts.extend(own);
+                first..numbers::count(parts.len())
+            };
+            let all = &rows.cell_rows;
+            let near = add(all, 0, false);
+            let far = add(&all[..rows.far as usize], numbers::count(all.len()), true);
+            for light in &lights[rows.lists.clone()] {
+                for (far, parts) in [(light.rows_apart(), near.clone()), (true, far.clone())] {
+                    pieces.push(DispatchPart { light, far, parts, cell_rows: address });
+                }
+                address += (rows.rows_of_list() * size_of::<CellRow>()) as Address;
+            }
+        }
+        let mut uploads = Vec::new();
+        self.gathering = Some(gatherer.prepare(gathering, (&cells, &cell_rows), &mut uploads)?);
+        self.run_pieces((&cells, sums), (&pieces, &parts), steps, uploads)?;
+        (self.cells, self.cell_rows) = (Some(cells), Some(cell_rows));
+        Ok(())
+    }
+
+    /// Makes the buffers large enough for this many cells and cell rows.
+    fn fit(&mut self, cells: usize, cell_rows: usize) -> Result<()> {
+        let [cells, cell_rows] = [cells, cell_rows].map(|it| it.max(CELLS_TOGETHER));
+        self.cells = Some(fit::<Cell>(&self.device, self.cells.take(), "cells", cells)?);
+        let before = self.cell_rows.take();
+        self.cell_rows = Some(fit::<CellRow>(&self.device, before, "cell rows", cell_rows)?);
+        Ok(())
+    }
+
     /// Adds the light of lists that are on the device together.
     fn add_together(
         &mut self,
@@ -166,21 +232,19 @@ impl CellIlluminator {
         steps: u32,
     ) -> Result<()> {
         let count = |of: fn(&CellBatch) -> usize| lists.iter().map(|(_, list)| of(list)).sum();
-        let (cell_rows, cells): (usize, usize) =
-            (count(|l| l.cell_rows.len()), count(|l| l.cells.len()));
-        let device = self.device.clone();
-        let cell_buffer =
-            fit::<Cell>(&device, self.cells.take(), "cells", cells.max(CELLS_TOGETHER))?;
-        let most = cell_rows.max(CELLS_TOGETHER);
-        let cell_row_buffer = fit::<CellRow>(&device, self.cell_rows.take(), "cell rows", most)?;
+        let rows: usize = count(|l| l.cell_rows.len());
+        self.fit(count(|l| l.cells.len()), rows)?;
+        let (Some(cells), Some(cell_rows)) = (self.cells.take(), self.cell_rows.take()) else {
+            unreachable!("both were made")
+        };
         let mut uploads = Vec::new();
-        let mut ordered = Vec::with_capacity(cell_rows);
-        let mut parts = Vec::with_capacity(cell_rows);
+        let mut ordered = Vec::with_capacity(rows);
+        let mut parts = Vec::with_capacity(rows);
         let mut pieces = Vec::new();
         let mut first_cell = 0;
         for (light, list) in lists {
             let at = (first_cell * size_of::<Cell>()) as u64;
-            uploads.push(Upload::new(&cell_buffer, at, &list.cells));
+            uploads.push(Upload::new(&cells, at, &list.cells));
             // Light of parts of a spot that spread differently over rows has its own kernel, and so has
             // light of cells that lands far off.
             let near = |cell_row: &&CellRow| {
@@ -196,19 +260,32 @@ impl CellIlluminator {
                 ordered.extend(some.into_iter().map(moved));
                 parts.extend(parts_of(&ordered[first_row..], numbers::count(first_row), far));
                 let parts = first_part..numbers::count(parts.len());
-                pieces.push(DispatchPart { light, far, parts });
+                pieces.push(DispatchPart { light, far, parts, cell_rows: cell_rows.address() });
             }
             first_cell += list.cells.len();
         }
+        uploads.push(Upload::new(&cell_rows, 0, &ordered));
+        self.run_pieces((&cells, sums), (&pieces, &parts), steps, uploads)?;
+        (self.cells, self.cell_rows) = (Some(cells), Some(cell_rows));
+        Ok(())
+    }
+
+    /// Illuminates pieces, whose parts are those of the range of each, after uploads.
+    fn run_pieces(
+        &mut self,
+        (cells, sums): (&Buffer, &PixelSums),
+        (pieces, parts): (&[DispatchPart<'_>], &[CellRowPart]),
+        steps: u32,
+        uploads: Vec<Upload<'_>>,
+    ) -> Result<()> {
         let most = parts.len().max(CELLS_TOGETHER);
-        let part_buffer =
-            fit::<CellRowPart>(&device, self.parts.take(), "parts of cell rows", most)?;
-        uploads.push(Upload::new(&cell_row_buffer, 0, &ordered));
-        uploads.push(Upload::new(&part_buffer, 0, &parts));
+        let before = self.parts.take();
+        let buffer = fit::<CellRowPart>(&self.device, before, "parts of cell rows", most)?;
+        let mut uploads: Vec<Upload<'_>> = uploads;
+        uploads.push(Upload::new(&buffer, 0, parts));
         let template = IlluminatePush {
-            parts: part_buffer.address(),
-            cell_rows: cell_row_buffer.address(),
-            cells: cell_buffer.address(),
+            parts: buffer.address(),
+            cells: cells.address(),
             sums: sums.buffer.address(),
             steps,
             ..bytemuck::Zeroable::zeroed()
@@ -216,8 +293,7 @@ impl CellIlluminator {
         pieces.iter().try_for_each(|piece| self.plan(piece, template, steps, &mut uploads))?;
         self.run(&mut uploads)?;
         drop(uploads);
-        (self.cells, self.cell_rows) = (Some(cell_buffer), Some(cell_row_buffer));
-        self.parts = Some(part_buffer);
+        self.parts = Some(buffer);
         Ok(())
     }
 
@@ -230,7 +306,7 @@ impl CellIlluminator {
         steps: u32,
         uploads: &mut Vec<Upload<'_>>,
     ) -> Result<()> {
-        let DispatchPart { light, far, parts } = piece;
+        let DispatchPart { light, far, parts, cell_rows } = piece;
         let kind = self.device.description().kind;
         // Light that no sample mask moves is the same at every step, and has its own sums.
         let steps = if light.same_at_all_steps { steps..steps + 1 } else { 0..steps };
@@ -249,6 +325,7 @@ impl CellIlluminator {
                     let steps_each = items_each(kind, items, STEPS_EACH.min(steps));
                     let push = IlluminatePush {
                         light_ref,
+                        cell_rows: *cell_rows,
                         part_count,
                         first_part,
                         first_step,
@@ -278,7 +355,14 @@ impl CellIlluminator {
         let made: Vec<_> =
             planned.iter().map(|(reach, _)| kernels.of(*reach).get()).collect::<Result<_>>()?;
         let uploads = std::mem::take(uploads);
+        let gathering = self.gathering.take();
+        let gathers = gathering
+            .map(|it| Ok((it, [kernels.energies.get()?, kernels.gather.get()?])))
+            .transpose()?;
         let record = |r: &mut Recorder<'_>| {
+            if let Some((gathering, kernels)) = &gathers {
+                gathering.record(*kernels, r);
+            }
             for ((_, push), kernel) in planned.iter().zip(&made) {
                 let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
                 let groups = [push.part_count.div_ceil(GROUP), shares, 1];
@@ -296,4 +380,6 @@ struct DispatchPart<'l> {
     light: &'l IlluminationBuffer,
     far: bool,
     parts: Range<u32>,
+    /// Address of the first of its cell rows.
+    cell_rows: Address,
 }

@@ -14,5 +14,5 @@ pub(crate) use cells::{CellIlluminator, CellKernels};
 pub(crate) use fit::fit;
 pub(crate) use light::{ApertureEdges, IlluminationBuffer, SpectralBand, alike_rows};
 pub(crate) use random::{RandomBatch, RandomIlluminator, RandomKernels};
-pub(crate) use spectral::{EnergyBinning, MaskTransmissionCache};
+pub(crate) use spectral::{EnergyBinning, Gatherer};
 pub use sums::PixelSums;

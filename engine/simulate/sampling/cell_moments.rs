@@ -1,7 +1,7 @@
 //! Moments of the rays that bound cells, for other energies than those they were traced for.
 
 use crate::trace::grazing;
-use beamlet_interface::{FLAG_DRAWN, Ray, RayResult};
+use beamlet_interface::{Ray, RayResult};
 
 /// Moments of the rays that bound cells.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -30,12 +30,6 @@ impl ExactCell {
     #[must_use]
     pub fn grazing(&self) -> f64 {
         grazing(&self.results[0])
-    }
-
-    /// True if its ray drew normals of rough surfaces.
-    #[must_use]
-    pub(crate) fn is_drawn(&self) -> bool {
-        self.results[0].flags & FLAG_DRAWN != 0
     }
 }
 

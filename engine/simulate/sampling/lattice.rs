@@ -177,6 +177,11 @@ impl Lattice {
         self.row_spread.shares(top, bottom, down).unwrap_or([-1.0, 0.0])
     }
 
+    /// True if all light of an interval of a row lands in the row and the two beside it.
+    pub(crate) fn lands_beside(&self, low: f64, high: f64) -> bool {
+        self.row_spread.lands_beside(low, high)
+    }
+
     /// Share of light that is even over an interval of row coordinates, and blurred, that lands in some rows.
     pub(crate) fn share_in_rows(&self, [top, bottom]: [f64; 2], rows: &Range<i64>) -> f64 {
         let before = |border: i64| self.row_spread.share_below(border as f64, top, bottom);
@@ -203,10 +208,10 @@ impl Lattice {
     ) -> Option<[f32; 2]> {
         let top = parts.first()?.0[0] + down;
         let bottom = parts.last()?.0[1] + down;
-        let reach = self.row_spread.reach();
-        if self.row_spread.is_wide() || top - reach < -1.0 || bottom + reach > 2.0 {
+        if !self.lands_beside(top, bottom) {
             return None;
         }
+        let reach = self.row_spread.reach();
         let before = |border: f64| {
             let of_part = |(ends, light): &([f64; 2], [f64; 2])| {
                 let [falls, rises] =

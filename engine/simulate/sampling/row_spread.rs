@@ -35,12 +35,17 @@ impl RowSpread {
         self.reach() > 1.0
     }
 
+    /// True if all light of an interval of a row lands in the row and the two beside it.
+    pub(super) fn lands_beside(self, low: f64, high: f64) -> bool {
+        let reach = self.reach();
+        !self.is_wide() && low - reach >= -1.0 && high + reach <= 2.0
+    }
+
     /// Shares that land in the row above and in the row below, or `None` where light lands
     /// farther off. `shift` is downwards.
     pub(super) fn shares(self, top: f64, bottom: f64, shift: f64) -> Option<[f32; 2]> {
         let (low, high) = (top + shift, bottom + shift);
-        let reach = self.reach();
-        if self.is_wide() || low - reach < -1.0 || high + reach > 2.0 {
+        if !self.lands_beside(low, high) {
             return None;
         }
         let above = self.share_below(0.0, low, high);

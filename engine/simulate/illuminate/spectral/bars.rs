@@ -1,9 +1,7 @@
 //! Effect of the bars of the masks on light of each energy, by its way through them.
 
-use super::join::Limits;
 use super::{EnergyBinning, NEGLIGIBLE};
-use crate::sampling::CellBatch;
-use beamlet_core::numbers;
+use beamlet_core::numbers::single;
 use beamlet_interface::CellRow;
 use beamlet_model::optics::MaskShape;
 use rayon::prelude::*;
@@ -14,80 +12,57 @@ const LEAK_SHARE: f64 = 1.0 / 2.0;
 /// Largest residual of their displacement about a straight line, share of the blur.
 const LEAK_RESIDUAL: f64 = 0.3;
 /// Light of groups as strong as this, of open beam, is not joined.
-pub(super) const LITTLE: f64 = 0.02;
+const LITTLE: f64 = 0.02;
 /// Largest change of their light.
 const LEAK_CHANGE: f64 = 0.15;
 /// The light of groups below this is spread over the whole cell row.
-pub(super) const FAINT: f64 = 1e-3;
+const FAINT: f64 = 1e-3;
+/// A limit of anything; its square is a number of single precision, too.
+const UNLIMITED: f64 = 1e15;
 
-/// Effect of the masks on the light of a column in a block of rows: by node and group, with the
-/// narrowing.
+/// Effect of the masks on the light of a column in a block of rows.
 #[derive(Debug)]
 pub(super) struct MaskTransmission {
-    /// `[group][node]`.
-    pub(crate) shares: Vec<f64>,
-    /// `[node]`: shares of all groups together.
-    pub(super) by_node: Vec<f64>,
-    /// `[group]`: the nodes that have light which takes this way.
-    pub(crate) nodes: Vec<Range<usize>>,
-    /// `[node][mask]`.
-    pub(super) narrowings: Vec<[f64; 2]>,
-    /// `[group]`: how far cells of light that leaks through bars are joined.
-    pub(crate) joined: Vec<Option<Limits>>,
+    /// As [`beamlet_interface::EnergyRow::bars`] has it.
+    pub(super) words: Vec<f32>,
     /// Energies do not share edges: light goes energy by energy.
-    pub(crate) apart: bool,
+    pub(super) apart: bool,
 }
 
 /// A column, and a block of rows ([`Lattice::alike_rows`]).
 pub(super) type BarPlace = (u32, i64);
 
-/// What bars do at the places of the cell rows that were gathered last: the next ones are near.
+/// Effect of bars at the places of the cell rows that were gathered last, sorted: the next ones are near.
 #[derive(Debug, Default)]
-pub(crate) struct MaskTransmissionCache {
-    first_block: i64,
-    /// `[block][column]`.
-    table: Vec<Option<MaskTransmission>>,
-}
+pub(super) struct MaskTransmissionCache(Vec<(BarPlace, MaskTransmission)>);
 
 impl MaskTransmissionCache {
-    /// Knows the places of cell rows, and no others.
-    pub(super) fn look_at(&mut self, spectral: &EnergyBinning, cell_rows: &CellBatch) {
-        let columns = spectral.slopes.len();
-        let block = |cell_row: &CellRow| spectral.place(cell_row).1;
-        let first_block = cell_rows.cell_rows.iter().map(block).min().unwrap_or_default();
-        let blocks =
-            cell_rows.cell_rows.iter().map(|cell_row| block(cell_row) - first_block + 1).max();
-        let mut wanted =
-            vec![false; columns * numbers::narrow::<usize>(blocks.unwrap_or_default())];
-        let mut before = std::mem::take(&mut self.table);
-        let moved = (self.first_block - first_block) * columns as i64;
-        *self = Self { first_block, table: Vec::new() };
-        for cell_row in &cell_rows.cell_rows {
-            wanted[self.index(spectral, cell_row)] = true;
-        }
-        let known = |(index, wanted): (usize, &bool)| {
-            let at = usize::try_from(index as i64 - moved).ok().filter(|_| *wanted)?;
-            before.get_mut(at)?.take()
+    /// Replaces the places by those of cell rows.
+    pub(super) fn set_places(&mut self, binning: &EnergyBinning, cell_rows: &[CellRow]) {
+        let mut places: Vec<BarPlace> = cell_rows.iter().map(|it| binning.place(it)).collect();
+        places.sort_unstable();
+        places.dedup();
+        let mut before = std::mem::take(&mut self.0).into_iter().peekable();
+        let known = |place: &BarPlace| {
+            while before.next_if(|(other, _)| other < place).is_some() {}
+            before.next_if(|(other, _)| other == place).map(|(_, known)| known)
         };
-        let known: Vec<Option<MaskTransmission>> = wanted.iter().enumerate().map(known).collect();
-        drop(before);
-        let bars = |(index, (wanted, known)): (usize, (bool, Option<MaskTransmission>))| {
-            let place =
-                || (numbers::count(index % columns), first_block + (index / columns) as i64);
-            wanted.then(|| known.unwrap_or_else(|| spectral.bars(place())))
+        let known: Vec<Option<MaskTransmission>> = places.iter().map(known).collect();
+        let bars = |(place, known): (BarPlace, Option<MaskTransmission>)| {
+            (place, known.unwrap_or_else(|| binning.bars(place)))
         };
-        self.table =
-            wanted.into_par_iter().zip(known).enumerate().with_min_len(64).map(bars).collect();
+        self.0 = places.into_par_iter().zip(known).with_min_len(64).map(bars).collect();
     }
 
-    fn index(&self, spectral: &EnergyBinning, cell_row: &CellRow) -> usize {
-        let (column, block) = spectral.place(cell_row);
-        numbers::narrow::<usize>(block - self.first_block) * spectral.slopes.len() + column as usize
+    /// The effects at all places.
+    pub(super) fn iter(&self) -> impl Iterator<Item = &MaskTransmission> {
+        self.0.iter().map(|(_, bars)| bars)
     }
 
-    /// Those at the place of a cell row, which was looked at.
-    pub(super) fn at(&self, spectral: &EnergyBinning, cell_row: &CellRow) -> &MaskTransmission {
-        self.table[self.index(spectral, cell_row)].as_ref().expect("the place was looked at")
+    /// Index of the place of a cell row.
+    pub(super) fn index(&self, binning: &EnergyBinning, cell_row: &CellRow) -> usize {
+        let place = binning.place(cell_row);
+        self.0.partition_point(|(other, _)| *other < place)
     }
 }
 
@@ -119,67 +94,58 @@ impl EnergyBinning {
         self.masks.iter().flatten().flatten().any(closed) || !self.edges.are_close(slope)
     }
 
-    pub(super) fn place(&self, cell_row: &CellRow) -> BarPlace {
+    fn place(&self, cell_row: &CellRow) -> BarPlace {
         (cell_row.column, i64::from(cell_row.row).div_euclid(self.lattice.alike_rows.into()))
     }
 
-    pub(super) fn bars(&self, (column, block): BarPlace) -> MaskTransmission {
-        if self.groups.is_empty() {
-            return MaskTransmission {
-                shares: Vec::new(),
-                by_node: Vec::new(),
-                nodes: Vec::new(),
-                narrowings: Vec::new(),
-                joined: Vec::new(),
-                apart: true,
-            };
-        }
+    fn bars(&self, (column, block): BarPlace) -> MaskTransmission {
         let slope = self.slopes[column as usize];
         let row = (block as f64 + 0.5) * f64::from(self.lattice.alike_rows);
         let slope_z = (row - self.middle_row) * self.row_slope;
         let secant = (1.0 + slope * slope + slope_z * slope_z).sqrt();
-        let (mut by_node, mut narrowings) = (Vec::new(), Vec::with_capacity(self.nodes()));
-        for node in 0..self.nodes() {
+        let (groups, nodes) = (self.groups.len(), self.nodes());
+        let mut shares = vec![0.0; groups * nodes];
+        let mut narrowings = Vec::with_capacity(2 * nodes);
+        for node in 0..nodes {
             let shapes = [0, 1].map(|i| self.masks[i].as_ref().map(|mask| &mask[node]));
             let leaks = shapes.map(|shape| shape.map(|shape| shape.leak(secant)));
             let narrowing = |i: usize| Some(shapes[i]?.narrowing(secant, leaks[i]?));
-            narrowings.push([0, 1].map(|mask| narrowing(mask).unwrap_or_default()));
+            narrowings.extend([0, 1].map(|mask| narrowing(mask).unwrap_or_default()));
             let plates: f64 =
                 shapes.iter().flatten().map(|shape| shape.through_substrate(secant)).product();
-            let share = |group| self.weights[node] * plates * passing(leaks, group);
-            by_node.extend(self.groups.iter().map(|group| share(*group)));
+            for (group, leaky) in self.groups.iter().enumerate() {
+                shares[group * nodes + node] = self.weights[node] * plates * passing(leaks, *leaky);
+            }
         }
-        let groups = self.groups.len();
-        let shares: Vec<f64> = (0..groups)
-            .flat_map(|group| by_node[group..].iter().step_by(groups).copied())
-            .collect();
-        let joined = |(shares, leaks): (&[f64], &[bool; 2])| {
-            let share: f64 = shares.iter().sum();
-            (leaks.contains(&true) && share < LITTLE).then(|| {
-                if share < FAINT {
-                    let all = f64::INFINITY;
-                    Limits { width: all, residual: all, change: all }
-                } else {
-                    Limits {
-                        width: LEAK_SHARE * self.lattice.period,
-                        residual: (LEAK_RESIDUAL * self.lattice.edge_blur).max(self.tolerance),
-                        change: LEAK_CHANGE,
-                    }
-                }
-            })
-        };
+        let of_node = |node: usize| shares[node..].iter().step_by(nodes).sum();
+        let by_node: Vec<f64> = (0..nodes).map(of_node).collect();
+        let of_groups = shares.chunks(nodes).zip(&self.groups).flat_map(|(shares, leaks)| {
+            let range = with_light(shares);
+            let joined = self.joining_limits(shares.iter().sum(), leaks.contains(&true));
+            [range.start as f64, range.end as f64].into_iter().chain(joined)
+        });
+        let all = shares.iter().copied().chain(by_node).chain(narrowings).chain(of_groups);
         MaskTransmission {
-            nodes: shares.chunks(self.nodes()).map(with_light).collect(),
-            joined: shares.chunks(self.nodes()).zip(&self.groups).map(joined).collect(),
-            by_node: by_node.chunks(groups).map(|shares| shares.iter().sum()).collect(),
-            shares,
-            narrowings,
-            apart: self.is_apart(if self.lattice.heights {
-                slope.abs().max(slope_z.abs())
-            } else {
-                slope
-            }),
+            words: all.map(single).collect(),
+            apart: groups == 0
+                || self.is_apart(if self.lattice.heights {
+                    slope.abs().max(slope_z.abs())
+                } else {
+                    slope
+                }),
         }
+    }
+
+    /// Limits of cells of a group that are joined: width, residual and change; a width below 0 where none are.
+    fn joining_limits(&self, share: f64, leaks: bool) -> [f64; 3] {
+        if !leaks || share >= LITTLE {
+            return [-1.0; 3];
+        }
+        if share < FAINT {
+            return [UNLIMITED; 3];
+        }
+        let residual = (LEAK_RESIDUAL * self.lattice.edge_blur).max(self.tolerance);
+        [LEAK_SHARE * self.lattice.period, residual, LEAK_CHANGE]
     }
 }
 

@@ -1,140 +1,63 @@
 //! Exact transport under a spectrum: computed once, repeated at the energies that it does not determine.
 
 use super::EnergyBinning;
-use super::node_result::NodeResult;
-use crate::sampling::{CellBatch, ExactCell};
+use crate::sampling::CellBatch;
 use crate::trace::Tracer;
-use beamlet_core::{Result, numbers};
-use beamlet_interface::{FLAG_NOT_FINITE, Ray, RayResult};
+use beamlet_core::Result;
+use beamlet_core::numbers::count;
+use beamlet_interface::RayResult;
 use beamlet_model::material::Constants;
 use beamlet_model::media::MaterialTable;
 use beamlet_model::scene::Transport;
-use rayon::prelude::*;
 
 /// Share of the grazing incidence at which the third order turns light by `FIRST_ORDER_ERROR`, as the second order does
 /// at grazing incidence.
 const SEVERE: f64 = 0.2154;
-/// Optical depth of rays that could not be followed.
-const DARK: f64 = 1e4;
-
-/// Exact transport repeated at some nodes.
+/// Results of rays that were traced exactly.
 #[derive(Debug, Default)]
-pub(super) struct Repeated {
-    /// Which of the exact cells, ascending.
-    cells: Vec<u32>,
-    nodes: Vec<AtNode>,
-}
-
-/// Exact transport at a node.
-#[derive(Debug, Default)]
-struct AtNode {
-    results: Vec<RayResult>,
-    /// For each of the cells above the place of its result, where it was repeated here.
-    places: Vec<Option<usize>>,
-}
-
-impl AtNode {
-    fn at(&self, cell: usize) -> Option<&RayResult> {
-        Some(&self.results[self.places[cell]?])
-    }
-}
-
-impl Repeated {
-    /// Puts the results of an exact cell in the place of those at the nodes where it was repeated.
-    pub(super) fn replace(
-        &self,
-        binning: &EnergyBinning,
-        cell: usize,
-        results: &mut [[NodeResult; 2]],
-    ) {
-        let Ok(cell) = self.cells.binary_search_by_key(&cell, |cell| *cell as usize) else {
-            return;
-        };
-        for (node, results) in self.nodes.iter().zip(results) {
-            if let Some(result) = node.at(cell) {
-                *results = binning.exact_result(result).with_change_of(results);
-            }
-        }
-    }
+pub(super) struct ExactResults {
+    /// `[exact cell][end]` at the mean constants, and those that were repeated.
+    pub(super) rays: Vec<RayResult>,
+    /// `[exact cell][node]`: index of the result where it was repeated, else 0.
+    pub(super) repeated: Vec<u32>,
 }
 
 impl EnergyBinning {
-    /// Repeats exact transport at the nodes where it does not follow from that at the mean constants.
-    pub(super) fn repeat(&self, tracer: &Tracer, cell_rows: &CellBatch) -> Result<Repeated> {
-        let exact = &cell_rows.moments.exact;
-        let asks = |(index, cell): (usize, &ExactCell)| {
-            let it = &cell_rows.cells[cell.cell as usize];
-            // The third order goes with the fifth power of the incidence.
-            let scale = self.tolerance_scale([it.x_low, it.x_high]);
-            let grazing = cell.grazing() * libm::pow(scale, 0.2);
-            let nodes: Vec<bool> =
-                self.exact_retrace_threshold.iter().map(|least| grazing < *least).collect();
-            nodes.contains(&true).then_some((numbers::count(index), nodes))
-        };
-        let (cells, asked): (Vec<u32>, Vec<Vec<bool>>) =
-            exact.par_iter().enumerate().filter_map(asks).unzip();
-        let at_node = |node: usize| {
-            let mut rays: Vec<Ray> = Vec::new();
-            let place = |(cell, nodes): (&u32, &Vec<bool>)| {
-                nodes[node].then(|| {
-                    rays.push(exact[*cell as usize].ray);
-                    rays.len() - 1
-                })
-            };
-            let places = cells.iter().zip(&asked).map(place).collect();
-            (rays, places)
-        };
-        let (rays, places): (Vec<Vec<Ray>>, Vec<Vec<Option<usize>>>) =
-            (0..self.nodes()).into_par_iter().map(at_node).unzip();
-        let results = tracer.walk_at_nodes(&rays)?;
-        let nodes =
-            results.into_iter().zip(places).map(|(results, places)| AtNode { results, places });
-        Ok(Repeated { cells, nodes: nodes.collect() })
-    }
-
-    /// Adds to the results of the nodes what exact transport found beyond the first order: that is
-    /// of second order, so it grows with the square of delta.
-    pub(super) fn correct(
+    /// Results of exact cells, with exact transport repeated at the nodes where it does not follow from that at the mean
+    /// constants; `tracer`: `None` for cells without a sample.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(super) fn exact_results(
         &self,
-        exact: &ExactCell,
-        moments: [&[f32]; 2],
-        results: &mut [[NodeResult; 2]],
-    ) {
-        let reference = self.nodes();
-        for end in 0..2 {
-            let exact_result = self.exact_result(&exact.results[end]);
-            let first = self.result(reference, moments[end]);
-            for (node, results) in results.iter_mut().enumerate() {
-                let delta_ratio = self.delta_ratio[node];
-                let result = &mut results[end];
-                // A path that changes by refraction: linear in delta, and in mu.
-                if first.depth > 0.0 {
-                    result.depth += (exact_result.depth - first.depth) * delta_ratio * result.depth
-                        / first.depth;
-                }
-                if exact.is_drawn() {
-                    // Drawn normals bend in proportion.
-                    result.x = exact_result.x * delta_ratio;
-                    result.z = exact_result.z * delta_ratio;
-                    result.slope_x = exact_result.slope_x * delta_ratio;
-                } else {
-                    result.x += (exact_result.x - first.x) * delta_ratio * delta_ratio;
+        tracer: Option<&Tracer>,
+        cells: &CellBatch,
+    ) -> Result<ExactResults> {
+        let (exact, nodes) = (&cells.moments.exact, self.nodes());
+        let mut rays: Vec<RayResult> = exact.iter().flat_map(|it| it.results).collect();
+        let mut repeated = vec![0; exact.len() * nodes];
+        let (mut asked, mut places) = (vec![Vec::new(); nodes], vec![Vec::new(); nodes]);
+        for (index, it) in exact.iter().enumerate() {
+            let cell = &cells.cells[it.cell as usize];
+            // The third order goes with the fifth power of the incidence.
+            let scale = self.tolerance_scale(f64::from(cell.x_high) - f64::from(cell.x_low));
+            let grazing = it.grazing() * libm::pow(scale, 0.2);
+            for (node, least) in self.exact_retrace_threshold.iter().enumerate() {
+                if grazing < *least {
+                    asked[node].push(it.ray);
+                    places[node].push(index * nodes + node);
                 }
             }
         }
-    }
-
-    /// Result of a ray that was traced exactly.
-    fn exact_result(&self, result: &RayResult) -> NodeResult {
-        if result.flags & FLAG_NOT_FINITE != 0 {
-            return NodeResult { depth: DARK, ..NodeResult::default() };
+        if let Some(tracer) = tracer {
+            for (found, places) in tracer.walk_at_nodes(&asked)?.iter().zip(&places) {
+                for (result, place) in found.iter().zip(places) {
+                    repeated[*place] = count(rays.len());
+                    rays.push(*result);
+                }
+            }
         }
-        NodeResult {
-            depth: result.optical_depth.into(),
-            x: result.displacement_x.into(),
-            z: f64::from(result.displacement_z) + f64::from(result.slope_z) * self.gap,
-            slope_x: result.slope_x.into(),
-        }
+        Ok(ExactResults { rays, repeated })
     }
 }
 

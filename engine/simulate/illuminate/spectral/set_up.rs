@@ -4,13 +4,15 @@
 use super::super::light::{IlluminationBuffer, SpectralBand};
 use super::edges::SharedEdges;
 use super::exact::exact_retrace_threshold;
-use super::{DISPLACEMENT_SHARE, EnergyBinning, NEGLIGIBLE, SPREAD_OF_ROW, SPREAD_SHARE};
+use super::{
+    DISPLACEMENT_SHARE, EnergyBinning, FULL_SHARE, NEGLIGIBLE, SPREAD_OF_ROW, SPREAD_SHARE,
+};
 use crate::sampling::Lattice;
 use crate::trace::FIRST_ORDER_ERROR;
 use beamlet_core::Result;
 use beamlet_core::numbers::{count, single};
 use beamlet_gpu::Device;
-use beamlet_interface::{MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
+use beamlet_interface::{EnergyParams, MOMENTS_PER_MATERIAL, MOMENTS_PER_PAIR};
 use beamlet_model::material::Constants;
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{Mask, MaskShape, Optics};
@@ -40,17 +42,6 @@ impl EnergyBinning {
         };
         let masks =
             [at(&optics.sample_mask, lattice.plane)?, at(&optics.detector_mask, *analyser)?];
-        let flat = |of: fn(&Constants) -> f64| {
-            media.constants.iter().flatten().chain(reference).map(of).collect()
-        };
-        let (mu, delta): (Vec<f64>, Vec<f64>) = (flat(|c| c.mu), flat(|c| c.delta));
-        let materials = media.names.len();
-        let acts = |&material: &usize| {
-            let of = |constants: &Vec<f64>| {
-                constants[material..].iter().step_by(materials).any(|value| *value != 0.0)
-            };
-            of(&mu) || of(&delta)
-        };
         let edges = SharedEdges::of(
             [0, 1].map(|i| masks[i].as_deref()),
             [analyser / lattice.plane, 1.0],
@@ -64,35 +55,40 @@ impl EnergyBinning {
         let first_order = FIRST_ORDER_ERROR * optics.lever_arm;
         let spare = tolerance.min(lattice.edge_blur * tolerances.light).max(first_order);
         let share = SPREAD_SHARE * libm::cbrt(tolerances.light / 1e-3).min(1.0);
+        let (constants, variances) = constants(media, reference);
+        let strongest = |m: usize| media.constants.iter().map(|it| it[m].delta.abs()).fold(0.0, f64::max);
+        let params = EnergyParams {
+            energies: count(media.weights.len()),
+            materials: count(media.names.len()),
+            moment_words: count(media.moment_words()),
+            variances,
+            heights: lattice.heights.into(),
+            full_width: single(lattice.period * FULL_SHARE),
+            tolerance: single(tolerance),
+            spread_x: single((share * lattice.edge_blur).max(tolerance)),
+            spread_z: single((share * lattice.row_blur()).max(SPREAD_OF_ROW) * detector.pitch[1]),
+            gap: single(optics.gap()),
+            ratio: single(analyser / detector.distance),
+            row_pitch: single(detector.pitch[1]),
+            row_blur: single(lattice.row_blur()),
+            ..bytemuck::Zeroable::zeroed()
+        };
         let mut spectral = Self {
             edges,
-            acting: (0..materials).filter(acts).collect(),
             weights: media.weights.clone(),
-            mu,
-            delta,
-            delta_ratio: media.refraction_ratios(reference),
+            params,
+            constants,
+            strongest: (0..media.names.len()).map(strongest).collect(),
             exact_retrace_threshold: exact_retrace_threshold(
                 optics.sampling.transport,
                 media,
                 reference,
                 spare / first_order,
             ),
-            materials,
-            words: media.moment_words(),
-            pairs: refracting_pairs(media),
-            scattering: media.constants.iter().flatten().map(|it| it.scattering).collect(),
-            scattering_words: media.scattering_words(),
             groups: Vec::new(),
             slopes: lattice.beamlet_geometry(optics).iter().map(|c| c.slope.into()).collect(),
             lattice: lattice.clone(),
             tolerance,
-            spread: [
-                (share * lattice.edge_blur).max(tolerance),
-                (share * lattice.row_blur()).max(SPREAD_OF_ROW) * detector.pitch[1],
-            ],
-            gap: optics.gap(),
-            ratio: analyser / detector.distance,
-            row_pitch: detector.pitch[1],
             row_slope: -detector.row_slope(),
             middle_row: detector.half(1),
             masks,
@@ -105,10 +101,11 @@ impl EnergyBinning {
                 has(0) && has(1) && (0..spectral.nodes()).map(light).sum::<f64>() >= NEGLIGIBLE
             })
             .collect();
+        spectral.params.groups = count(spectral.groups.len());
         Ok(spectral)
     }
 
-    /// Illumination parameters of the lists of [`EnergyBinning::lists`], in their order.
+    /// Illumination parameters of the lists that kernels gather, in their order: of groups, then of energies.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Memory`], or as [`beamlet_model::material::constants_at_for`].
@@ -145,6 +142,25 @@ impl EnergyBinning {
             .map(|part| IlluminationBuffer::of_cells(device, scene, optics, &self.lattice, &part))
             .collect()
     }
+}
+
+/// Constants of the energies for kernels, and behind them the mean ones, with the number of moments of variances.
+fn constants(media: &MaterialTable, reference: &[Constants]) -> (Vec<f32>, u32) {
+    let pairs = refracting_pairs(media);
+    let words = pairs.iter().map(|(_, word)| *word).chain(media.scattering_words());
+    let mut all: Vec<f64> = words.map(|word| word as f64).collect();
+    let variances = count(all.len());
+    let ratios = media.refraction_ratios(reference);
+    let means = std::iter::once((reference, 1.0));
+    for (node, ratio) in media.constants.iter().map(Vec::as_slice).zip(ratios).chain(means) {
+        all.push(ratio);
+        all.extend(node.iter().flat_map(|it| [it.mu, it.delta]));
+        all.extend(pairs.iter().map(|([a, b], _)| (node[*a].delta - node[*b].delta).powi(2)));
+        if !media.scattering_words().is_empty() {
+            all.extend(node.iter().map(|it| it.scattering));
+        }
+    }
+    (all.into_iter().map(single).collect(), variances)
 }
 
 /// Pairs of materials whose delta differs at an energy, where surfaces are rough, and the word of the variance of the

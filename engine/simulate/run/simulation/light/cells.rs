@@ -2,8 +2,7 @@
 
 use super::Simulation;
 use crate::illuminate::{
-    ApertureEdges, CellIlluminator, EnergyBinning, IlluminationBuffer, MaskTransmissionCache,
-    PixelSums, SpectralBand,
+    ApertureEdges, CellIlluminator, Gatherer, IlluminationBuffer, PixelSums, SpectralBand,
 };
 use crate::sampling::{self, CellBatch, Lattice};
 use crate::trace::Tracer;
@@ -14,24 +13,20 @@ use ndarray::Array3;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Cells whose energies are gathered at once: exact transport at each node takes 2 KiB and more a cell.
-const GATHERED: usize = 1 << 15;
-
 /// Sums of the light of cells in a band of rows.
 pub(super) struct CellLight<'s> {
     lattice: &'s Lattice,
-    /// Energies that are gathered.
-    energies: Option<&'s EnergyBinning>,
+    /// Gathers energies.
+    gatherer: Option<Gatherer<'s>>,
     /// Words of the moments of a ray.
     moment_words: usize,
     /// One for each list of cells.
     lights: Vec<IlluminationBuffer>,
     sums: PixelSums,
     illuminator: CellIlluminator,
-    bars: MaskTransmissionCache,
     /// Mask steps that are illuminated.
     steps: u32,
-    /// Seconds of illumination, and of gathering energies.
+    /// Seconds of illumination, and of the host's part of gathering energies.
     pub(super) illumination: f64,
     gathering: f64,
 }
@@ -48,7 +43,8 @@ impl<'s> CellLight<'s> {
         let (scene, media) = (&simulation.scene, &simulation.media);
         let optics = simulation.detector.optics();
         let lights = spectrum.energies.lights(simulation.device(), scene, optics, media)?;
-        Self::with(simulation, lights, Some(&spectrum.energies), cancel)
+        let gatherer = Gatherer::new(simulation.device(), &spectrum.energies)?;
+        Self::with(simulation, lights, Some(gatherer), cancel)
     }
 
     /// Light of cells of each energy.
@@ -68,7 +64,7 @@ impl<'s> CellLight<'s> {
     fn with(
         simulation: &'s Simulation,
         lights: Vec<IlluminationBuffer>,
-        energies: Option<&'s EnergyBinning>,
+        gatherer: Option<Gatherer<'s>>,
         cancel: &Cancel,
     ) -> Result<Self> {
         let (device, optics) = (simulation.device(), simulation.detector.optics());
@@ -77,12 +73,11 @@ impl<'s> CellLight<'s> {
         let kernels = simulation.simulator.illuminate_kernels();
         Ok(Self {
             lattice: &simulation.lattice,
-            energies,
+            gatherer,
             moment_words: simulation.media.moment_words(),
             lights,
             sums: PixelSums::new(device, steps, rows, columns)?,
             illuminator: CellIlluminator::new(device, kernels, cancel),
-            bars: MaskTransmissionCache::default(),
             steps: numbers::count(steps),
             illumination: 0.0,
             gathering: 0.0,
@@ -124,14 +119,16 @@ impl<'s> CellLight<'s> {
     /// # Errors
     /// Of the device or memory; [`beamlet_core::Error::Interrupted`].
     pub(super) fn add(&mut self, tracer: Option<&Tracer>, cells: &CellBatch) -> Result<()> {
-        let Some(energies) = self.energies else {
+        let Some(gatherer) = &mut self.gatherer else {
             return self.add_lists(std::slice::from_ref(cells));
         };
-        for part in cells.parts(GATHERED) {
+        for part in cells.parts(gatherer.cells_at_once()) {
             let begin = Instant::now();
-            let lists = energies.lists(tracer, &mut self.bars, &part)?;
+            let gathering = gatherer.plan(tracer, &part)?;
             self.gathering += begin.elapsed().as_secs_f64();
-            self.add_lists(&lists)?;
+            let (begin, lights) = (Instant::now(), &self.lights);
+            self.illuminator.add_gathered(gatherer, &gathering, lights, &self.sums, self.steps)?;
+            self.illumination += begin.elapsed().as_secs_f64();
         }
         Ok(())
     }
@@ -142,7 +139,7 @@ impl<'s> CellLight<'s> {
     /// As [`CellLight::add`].
     pub(super) fn add_blank(&mut self, rows: Range<i64>) -> Result<()> {
         let mut cells = sampling::empty_cell_rows(self.lattice, rows);
-        if self.energies.is_some() {
+        if self.gatherer.is_some() {
             cells.keep_nothing(self.moment_words);
         }
         self.add(None, &cells)

@@ -1,0 +1,235 @@
+//! Buffers and dispatches of the kernels that gather the energies of cells.
+
+use super::EnergyBinning;
+use super::bars::MaskTransmissionCache;
+use super::exact::ExactResults;
+use crate::illuminate::fit;
+use crate::sampling::CellBatch;
+use crate::trace::Tracer;
+use beamlet_core::Result;
+use beamlet_core::numbers::count;
+use beamlet_gpu::{Buffer, Device, Recorder, Upload};
+use beamlet_interface::{
+    Address, CellRow, EnergiesPush, EnergyParams, EnergyResult, EnergyRow, GROUP, GatherPush,
+};
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Places of gathered cells that a part of a batch has; one cell row may have more.
+const PLACES: usize = 1 << 19;
+/// Cells that are gathered at once: exact transport at each node takes 2 KiB and more a cell.
+const MOST_CELLS: usize = 1 << 15;
+
+/// Cell rows that are gathered into the same lists.
+#[derive(Debug, Default)]
+pub(in crate::illuminate) struct GatheredRows {
+    /// First those whose light may land far.
+    pub(in crate::illuminate) cell_rows: Vec<CellRow>,
+    /// Number of the cell rows whose light may land far.
+    pub(in crate::illuminate) far: u32,
+    /// Lists, as indices of the light of [`EnergyBinning::lights`].
+    pub(in crate::illuminate) lists: Range<usize>,
+    /// Places and bars.
+    energy_rows: Vec<EnergyRow>,
+    by_energy: bool,
+}
+
+impl GatheredRows {
+    /// Cell rows of a list: of all, and again of those whose light may land far.
+    pub(in crate::illuminate) fn rows_of_list(&self) -> usize {
+        self.cell_rows.len() + self.far as usize
+    }
+}
+
+/// Work of the gathering of a part of a batch, until the device has done it.
+#[derive(Debug)]
+pub(crate) struct Gathering<'c> {
+    cells: &'c CellBatch,
+    exact: ExactResults,
+    exact_of_cells: Vec<u32>,
+    bars: Vec<f32>,
+    /// Those of groups, and those that go energy by energy.
+    pub(in crate::illuminate) rows: [GatheredRows; 2],
+    /// Places of gathered cells.
+    pub(in crate::illuminate) places: usize,
+}
+
+/// Gathers the energies of cells.
+#[derive(Debug)]
+pub(crate) struct Gatherer<'s> {
+    device: Arc<Device>,
+    binning: &'s EnergyBinning,
+    params: Buffer,
+    /// That the parameters point to.
+    _constants: Buffer,
+    inputs: Option<Buffer>,
+    results: Option<Buffer>,
+    bars: MaskTransmissionCache,
+}
+
+impl<'s> Gatherer<'s> {
+    /// A gatherer of the energies of a scene.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Memory`].
+    pub(crate) fn new(
+        device: &Arc<Device>,
+        binning: &'s EnergyBinning,
+    ) -> Result<Self> {
+        let constants = device.upload("constants of energies", &binning.constants)?;
+        let params = EnergyParams { constants: constants.address(), ..binning.params };
+        Ok(Self {
+            device: device.clone(),
+            binning,
+            params: device.upload("energies", &[params])?,
+            _constants: constants,
+            inputs: None,
+            results: None,
+            bars: MaskTransmissionCache::default(),
+        })
+    }
+
+    /// Cells that are gathered at once.
+    pub(crate) fn cells_at_once(&self) -> usize {
+        (PLACES / (self.binning.nodes() * self.binning.groups.len().max(1))).min(MOST_CELLS)
+    }
+
+    /// The work of gathering cells; `tracer`: `None` for cells without a sample.
+    ///
+    /// # Errors
+    /// As [`Tracer::trace`].
+    pub(crate) fn plan<'c>(
+        &mut self,
+        tracer: Option<&Tracer>,
+        cells: &'c CellBatch,
+    ) -> Result<Gathering<'c>> {
+        let binning = self.binning;
+        let exact = binning.exact_results(tracer, cells)?;
+        let mut exact_of_cells = vec![0; cells.cells.len()];
+        for (number, it) in (1..).zip(&cells.moments.exact) {
+            exact_of_cells[it.cell as usize] = number;
+        }
+        self.bars.set_places(binning, &cells.cell_rows);
+        let apart: Vec<bool> = self.bars.iter().map(|it| it.apart).collect();
+        let mut all: Vec<(CellRow, usize, bool)> = cells
+            .cell_rows
+            .iter()
+            .map(|row| (*row, self.bars.index(binning, row), binning.may_land_far(cells, row)))
+            .collect();
+        all.sort_by_key(|(_, _, is_far)| !is_far);
+        let (groups, nodes) = (binning.groups.len(), binning.nodes());
+        let words = count(self.bars.iter().next().map_or(0, |it| it.words.len()));
+        let mut rows = [GatheredRows::default(), GatheredRows::default()];
+        (rows[0].lists, rows[1].lists) = (0..groups, groups..groups + nodes);
+        rows[1].by_energy = true;
+        let mut places = 0;
+        for (row, bars, is_far) in all {
+            let of = &mut rows[usize::from(apart[bars])];
+            of.cell_rows.push(row);
+            of.far += u32::from(is_far);
+            of.energy_rows.push(EnergyRow { bars: count(bars) * words, first_cell: count(places) });
+            let of_cell = if of.by_energy { 1 } else { nodes };
+            places += row.cell_count as usize * of_cell * of.lists.len();
+        }
+        let bars = self.bars.iter().flat_map(|it| &it.words).copied().collect();
+        Ok(Gathering { cells, exact, exact_of_cells, bars, rows, places })
+    }
+
+    /// Adds the uploads of the gathering, and gives its dispatches into buffers of cells and of cell rows.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Memory`].
+    pub(in crate::illuminate) fn prepare<'u>(
+        &'u mut self,
+        gathering: &'u Gathering<'_>,
+        (gathered, gathered_rows): (&Buffer, &Buffer),
+        uploads: &mut Vec<Upload<'u>>,
+    ) -> Result<Dispatches> {
+        let Gathering { cells, exact, exact_of_cells, bars, rows, .. } = gathering;
+        let inputs: Vec<&[u8]> = [
+            bytemuck::cast_slice(&cells.cells),
+            bytemuck::cast_slice(&cells.moments.ends),
+            bytemuck::cast_slice(exact_of_cells),
+            bytemuck::cast_slice(&exact.rays),
+            bytemuck::cast_slice(&exact.repeated),
+            bytemuck::cast_slice(bars),
+        ]
+        .into_iter()
+        .chain(rows.iter().flat_map(|it| {
+            [bytemuck::cast_slice(&it.cell_rows), bytemuck::cast_slice(&it.energy_rows)]
+        }))
+        .collect();
+        let bytes = inputs.iter().map(|it| it.len()).sum();
+        let buffer = fit::<u8>(&self.device, self.inputs.take(), "cells and moments", bytes)?;
+        let size = cells.cells.len() * self.binning.nodes();
+        let results = self.results.take();
+        let results = fit::<EnergyResult>(&self.device, results, "results at energies", size)?;
+        let (inputs_kept, results) = (self.inputs.insert(buffer), self.results.insert(results));
+        let mut end = 0;
+        let mut addresses = [0; 10];
+        for (address, input) in addresses.iter_mut().zip(inputs) {
+            *address = inputs_kept.address() + end;
+            uploads.push(Upload::new(inputs_kept, end, input));
+            end += input.len() as u64;
+        }
+        let [of_cells, moments, exact, rays, repeated, bars, of_rows @ ..] = addresses;
+        let energies = EnergiesPush {
+            params: self.params.address(),
+            cells: of_cells,
+            moments,
+            exact,
+            rays,
+            repeated,
+            results: results.address(),
+            cell_count: count(cells.cells.len()),
+        };
+        let mut first_row = 0;
+        let gather = rows.iter().zip(of_rows.chunks(2)).map(|(rows, of_rows)| {
+            let push = GatherPush {
+                params: self.params.address(),
+                cell_rows: of_rows[0],
+                energy_rows: of_rows[1],
+                cells: of_cells,
+                results: results.address(),
+                bars,
+                gathered: gathered.address(),
+                gathered_rows: gathered_rows.address() + first_row,
+                row_count: count(rows.cell_rows.len()),
+                far_count: rows.far,
+                by_energy: rows.by_energy.into(),
+            };
+            first_row += (rows.rows_of_list() * rows.lists.len() * size_of::<CellRow>()) as Address;
+            (push, count(rows.lists.len()))
+        });
+        let gather = gather.collect();
+        Ok(Dispatches { energies, energy_count: count(self.binning.nodes()), gather })
+    }
+}
+
+/// Dispatches of the gathering.
+#[derive(Debug)]
+pub(in crate::illuminate) struct Dispatches {
+    energies: EnergiesPush,
+    energy_count: u32,
+    /// With the number of lists.
+    gather: Vec<(GatherPush, u32)>,
+}
+
+impl Dispatches {
+    /// Records them with a barrier behind.
+    pub(in crate::illuminate) fn record(
+        &self,
+        [energies, gather]: [&beamlet_gpu::Kernel; 2],
+        r: &mut Recorder<'_>,
+    ) {
+        let push = &self.energies;
+        let groups = [push.cell_count.div_ceil(GROUP), self.energy_count, 1];
+        r.dispatch(energies, bytemuck::bytes_of(push), groups);
+        r.barrier();
+        for (push, lists) in &self.gather {
+            let groups = [push.row_count.div_ceil(GROUP), *lists, 1];
+            r.dispatch(gather, bytemuck::bytes_of(push), groups);
+        }
+        r.barrier();
+    }
+}
