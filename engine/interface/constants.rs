@@ -3,6 +3,10 @@
 shared_constants! {
     /// Invocations of a workgroup, of every kernel.
     GROUP: u32 = 64;
+    /// Most energies of a spectrum.
+    MOST_ENERGIES: u32 = 256;
+    /// Energies of an invocation of `light/energies.comp`.
+    ENERGIES_EACH: u32 = 4;
     /// Mask steps of an invocation of `random_light.comp`.
     RANDOM_STEPS: u32 = 8;
 

@@ -229,6 +229,8 @@ shared_structs! {
     pub struct EnergyResult in EnergyResults {
         pub depth_low: f32,
         pub depth_high: f32,
+        /// Share of the light that passes in the middle.
+        pub light: f32,
         /// Displacement at the analyser, m.
         pub x_low: f32,
         pub x_high: f32,

@@ -1,4 +1,4 @@
-// Results of the rays at the ends of cells at each energy: first order by their moments, and what exact transport
+// Results of the rays at the ends of cells at some energies: first order by their moments, and what exact transport
 // finds beyond it (docs/developers/numerics.md, "Cells of all energies").
 #include "interface.glsl"
 
@@ -10,89 +10,122 @@ layout(local_size_x = GROUP) in;
 const float DARK = 1e4;
 
 EnergyParams params;
+uint cell;
 
-// A value of the constants at an energy.
-float constant(uint energy, uint at) {
-    uint stride = 1u + 2u * params.materials + params.variances;
-    return Floats(params.constants).at[params.variances + energy * stride + at];
+// Results of a ray at four energies: optical depth, displacement along x at the analyser and along z at the detector,
+// change of slope along x.
+struct Results {
+    vec4 depth;
+    vec4 x;
+    vec4 z;
+    vec4 slope_x;
+};
+
+// A value of the constants at four energies.
+vec4 constant(uvec4 energies, uint at) {
+    uvec4 places = params.variances + energies * (1u + 2u * params.materials + params.variances) + at;
+    Floats all = Floats(params.constants);
+    return vec4(all.at[places.x], all.at[places.y], all.at[places.z], all.at[places.w]);
 }
 
-// A result: optical depth, displacement along x at the analyser and along z at the detector, change of slope along x.
+void add_material(inout Results results, uint at, vec4 mu, vec4 delta) {
+    results.depth += mu * push.moments.at[at + MOMENTS_PATH];
+    results.x += delta * push.moments.at[at + MOMENTS_LEVER];
+    results.z += delta
+        * (push.moments.at[at + MOMENTS_LEVER + 1u] + push.moments.at[at + MOMENTS_SLOPE + 1u] * params.gap);
+    results.slope_x += delta * push.moments.at[at + MOMENTS_SLOPE];
+}
 
-// First order of a ray at an energy.
-vec4 first_order(uint ray, uint energy) {
-    vec4 result = vec4(0.0);
-    uint at = ray * params.moment_words;
+// First order of the rays at both ends of the cell.
+void first_order(uvec4 energies, out Results low, out Results high) {
+    low = Results(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    high = low;
+    uint at = 2u * cell * params.moment_words;
     for (uint m = 0u; m < params.materials; m++) {
-        float mu = constant(energy, 1u + 2u * m);
-        float delta = constant(energy, 2u + 2u * m);
-        if (mu != 0.0 || delta != 0.0) {
-            float lever_z = push.moments.at[at + MOMENTS_LEVER + 1u] + push.moments.at[at + MOMENTS_SLOPE + 1u] * params.gap;
-            result += vec4(mu * push.moments.at[at + MOMENTS_PATH], delta * push.moments.at[at + MOMENTS_LEVER],
-                           delta * lever_z, delta * push.moments.at[at + MOMENTS_SLOPE]);
+        vec4 mu = constant(energies, 1u + 2u * m);
+        vec4 delta = constant(energies, 2u + 2u * m);
+        if (mu != vec4(0.0) || delta != vec4(0.0)) {
+            add_material(low, at, mu, delta);
+            add_material(high, at + params.moment_words, mu, delta);
         }
         at += MOMENTS_PER_MATERIAL;
     }
-    return result;
 }
 
-vec4 exact_result(uint ray) {
+// A result of exact transport, at all four energies.
+Results exact_results(uint ray) {
     RayResult found = push.rays.at[ray];
-    if ((found.flags & FLAG_NOT_FINITE) != 0u) return vec4(DARK, 0.0, 0.0, 0.0);
-    return vec4(found.optical_depth, found.displacement_x, found.displacement_z + found.slope_z * params.gap,
-                found.slope_x);
+    if ((found.flags & FLAG_NOT_FINITE) != 0u) return Results(vec4(DARK), vec4(0.0), vec4(0.0), vec4(0.0));
+    return Results(vec4(found.optical_depth), vec4(found.displacement_x),
+                   vec4(found.displacement_z + found.slope_z * params.gap), vec4(found.slope_x));
 }
 
-// First order at an energy with what exact transport at the mean constants finds beyond it, which is of second order:
-// it grows with the square of delta.
-vec4 corrected(vec4 result, vec4 exact, vec4 first, float refraction, bool drawn) {
+// Adds what exact transport at the mean constants finds beyond the first order there, which is of second order: it
+// grows with the square of delta. `refraction`: relative to these constants.
+void correct(inout Results results, uint ray, Results first, vec4 refraction) {
+    Results exact = exact_results(ray);
     // A path that changes by refraction: linear in delta, and in mu.
-    if (first.x > 0.0) result.x += (exact.x - first.x) * refraction * result.x / first.x;
-    // Drawn normals bend in proportion.
-    if (drawn) return vec4(result.x, exact.yzw * refraction);
-    result.y += (exact.y - first.y) * refraction * refraction;
-    return result;
+    if (first.depth.x > 0.0) results.depth += (exact.depth - first.depth) * refraction * results.depth / first.depth;
+    if ((push.rays.at[ray & ~1u].flags & FLAG_DRAWN) != 0u) {
+        // Drawn normals bend in proportion.
+        results = Results(results.depth, exact.x * refraction, exact.z * refraction, exact.slope_x * refraction);
+    } else {
+        results.x += (exact.x - first.x) * refraction * refraction;
+    }
+}
+
+// Replaces results of an energy by exact transport in the middle of the cell, with their change from end to end.
+void repeat(inout Results low, inout Results high, uint ray, int of) {
+    Results middle = exact_results(ray);
+    float depth = 0.5 * (high.depth[of] - low.depth[of]);
+    float x = 0.5 * (high.x[of] - low.x[of]);
+    low.depth[of] = max(middle.depth.x - depth, 0.0);
+    high.depth[of] = max(middle.depth.x + depth, 0.0);
+    low.x[of] = middle.x.x - x;
+    high.x[of] = middle.x.x + x;
+    low.z[of] = high.z[of] = middle.z.x;
+    low.slope_x[of] = high.slope_x[of] = middle.slope_x.x;
 }
 
 // Variance of the displacement: by rough surfaces, where that of each pair of materials grows with the step, and by
 // materials that scatter.
-float variance_of(uint cell, uint energy) {
-    float variance = 0.0;
+vec4 variances(uvec4 energies) {
+    vec4 sum = vec4(0.0);
     for (uint k = 0u; k < params.variances; k++) {
-        uint word = uint(Floats(params.constants).at[k]);
-        float low = push.moments.at[2u * cell * params.moment_words + word];
-        float high = push.moments.at[(2u * cell + 1u) * params.moment_words + word];
-        variance += 0.5 * (low + high) * constant(energy, 1u + 2u * params.materials + k);
+        uint at = 2u * cell * params.moment_words + uint(Floats(params.constants).at[k]);
+        float moment = 0.5 * (push.moments.at[at] + push.moments.at[at + params.moment_words]);
+        sum += moment * constant(energies, 1u + 2u * params.materials + k);
     }
-    return max(variance, 0.0);
+    return max(sum, vec4(0.0));
 }
 
 void main() {
-    uint cell = gl_GlobalInvocationID.x;
-    uint energy = gl_GlobalInvocationID.y;
+    cell = gl_GlobalInvocationID.x;
     if (cell >= push.cell_count) return;
     params = push.params.at[0];
-    vec4 low = first_order(2u * cell, energy);
-    vec4 high = first_order(2u * cell + 1u, energy);
-    float refraction = constant(energy, 0u);
+    uint first = ENERGIES_EACH * gl_GlobalInvocationID.y;
+    uint count = min(params.energies - first, ENERGIES_EACH);
+    uvec4 energies = first + min(uvec4(0u, 1u, 2u, 3u), uvec4(count - 1u));
+    Results low, high;
+    first_order(energies, low, high);
+    vec4 refraction = constant(energies, 0u);
     uint exact = push.exact.at[cell];
     if (exact != 0u) {
-        uint ray = 2u * (exact - 1u);
-        bool drawn = (push.rays.at[ray].flags & FLAG_DRAWN) != 0u;
-        uint mean = params.energies;
-        low = corrected(low, exact_result(ray), first_order(2u * cell, mean), refraction, drawn);
-        high = corrected(high, exact_result(ray + 1u), first_order(2u * cell + 1u, mean), refraction, drawn);
-        uint repeated = push.repeated.at[(exact - 1u) * params.energies + energy];
-        if (repeated != 0u) {
-            // In the middle of the cell, with the change of depth and displacement from end to end.
-            vec4 middle = exact_result(repeated);
-            vec2 change = 0.5 * (high.xy - low.xy);
-            low = vec4(max(middle.x - change.x, 0.0), middle.y - change.y, middle.zw);
-            high = vec4(max(middle.x + change.x, 0.0), middle.y + change.y, middle.zw);
+        Results mean_low, mean_high;
+        first_order(uvec4(params.energies), mean_low, mean_high);
+        correct(low, 2u * (exact - 1u), mean_low, refraction);
+        correct(high, 2u * (exact - 1u) + 1u, mean_high, refraction);
+        for (uint n = 0u; n < count; n++) {
+            uint ray = push.repeated.at[(exact - 1u) * params.energies + first + n];
+            if (ray != 0u) repeat(low, high, ray, int(n));
         }
     }
-    vec4 mean = 0.5 * (low + high);
-    float variance = push.cells.at[cell].displacement_variance * refraction * refraction;
-    push.results.at[cell * params.energies + energy] =
-        EnergyResult(low.x, high.x, low.y, high.y, mean.z, mean.w, variance + variance_of(cell, energy));
+    vec4 light = exp(-0.5 * (low.depth + high.depth));
+    vec4 z = 0.5 * (low.z + high.z);
+    vec4 slope_x = 0.5 * (low.slope_x + high.slope_x);
+    vec4 variance = push.cells.at[cell].displacement_variance * refraction * refraction + variances(energies);
+    for (uint n = 0u; n < count; n++) {
+        push.results.at[cell * params.energies + first + n] = EnergyResult(
+            low.depth[n], high.depth[n], light[n], low.x[n], high.x[n], z[n], slope_x[n], variance[n]);
+    }
 }

@@ -111,11 +111,6 @@ void add_joined(inout Joining joining) {
     joining.has_cells = false;
 }
 
-// Share of the light in the middle of a cell that passes at an energy.
-float middle_light(EnergyResult result) {
-    return exp(-0.5 * (result.depth_low + result.depth_high));
-}
-
 // Words of the bars behind the shares of groups, and of a group.
 uint bars_behind_shares() {
     return place.bars + params.groups * params.energies;
@@ -134,7 +129,7 @@ Sums sums_over(uint at, uint group, uint first, uint last) {
         float share = push.bars.at[place.bars + group * params.energies + n];
         vec2 x_ends = vec2(result.x_low, result.x_high) - sums.origin.xz;
         vec3 x = vec3(x_ends.x, 0.5 * (x_ends.x + x_ends.y), x_ends.y);
-        vec3 light = share * vec3(exp(-result.depth_low), middle_light(result), exp(-result.depth_high));
+        vec3 light = share * vec3(exp(-result.depth_low), result.light, exp(-result.depth_high));
         float z = result.z - sums.origin_z;
         uint narrowings = bars_behind_shares() + params.energies + 2u * n;
         vec2 narrowing = light.y * vec2(push.bars.at[narrowings], push.bars.at[narrowings + 1u]);
@@ -155,14 +150,29 @@ Sums sums_over(uint at, uint group, uint first, uint last) {
     return sums;
 }
 
-// Energy below which half of the light of a band lies.
+// Energy that parts a band of this light in the middle of a cell into halves.
 uint half_of(uint at, uint group, uint first, uint last, float light) {
     float below = 0.0;
     uint n = first;
     for (; n < last && below < 0.5 * light; n++) {
-        below += push.bars.at[place.bars + group * params.energies + n] * middle_light(push.results.at[at + n]);
+        below += push.bars.at[place.bars + group * params.energies + n] * push.results.at[at + n].light;
     }
     return clamp(n - 1u, first + 1u, last - 1u);
+}
+
+// Ends of the bands behind the one in work, a bit each.
+uint ends_of_bands[MOST_ENERGIES / 32u];
+
+// The first end behind `first`, which is taken; `end` where there is none.
+uint next_end(uint first, uint end) {
+    for (uint word = first / 32u; 32u * word < min(end, MOST_ENERGIES); word++) {
+        uint bits = ends_of_bands[word];
+        if (bits != 0u) {
+            ends_of_bands[word] = bits & (bits - 1u);
+            return 32u * word + uint(findLSB(bits));
+        }
+    }
+    return end;
 }
 
 // Cells of one way through the masks: one, or the number that keeps the energies in each close enough.
@@ -171,6 +181,7 @@ void gather_group(uint group) {
     uint begin = uint(push.bars.at[bars]);
     uint end = uint(push.bars.at[bars + 1u]);
     vec3 limits = vec3(push.bars.at[bars + 2u], push.bars.at[bars + 3u], push.bars.at[bars + 4u]);
+    for (uint word = 0u; word < MOST_ENERGIES / 32u; word++) ends_of_bands[word] = 0u;
     Joining joining = nothing_joined();
     for (uint i = 0u; i < source.cell_count; i++) {
         uint cell = source.first_cell + i;
@@ -179,7 +190,7 @@ void gather_group(uint group) {
         vec2 ends = vec2(traced.x_low, traced.x_high);
         float all = 0.0;
         for (uint n = 0u; n < params.energies; n++) {
-            all += push.bars.at[bars_behind_shares() + n] * middle_light(push.results.at[at + n]);
+            all += push.bars.at[bars_behind_shares() + n] * push.results.at[at + n].light;
         }
         // A narrow cell may err by more: it has less light. The effect of the third moment grows with the light.
         float scale = max(params.full_width / (ends.y - ends.x), 1.0);
@@ -210,10 +221,13 @@ void gather_group(uint group) {
                     add_cell(made);
                 }
             }
-            bool is_done = !is_lit || is_joined || is_one;
-            uint cut = is_done ? end : half_of(at, group, first, last, sums.light.y);
-            first = is_done ? last : first;
-            last = cut;
+            if (!is_lit || is_joined || is_one) {
+                first = last;
+                last = next_end(first, end);
+            } else {
+                if (last < min(end, MOST_ENERGIES)) ends_of_bands[last / 32u] |= 1u << (last % 32u);
+                last = half_of(at, group, first, last, sums.light.y);
+            }
         }
     }
     add_joined(joining);

@@ -29,7 +29,7 @@ pub(super) const TOLERANCE: std::ops::RangeInclusive<f64> = 1e-6..=1e-2;
 /// Gaussians, or points, of a focal spot.
 pub(super) const SPOT_PARTS: u32 = 4096;
 /// Energy nodes of a spectrum.
-pub(super) const NODES: u32 = 256;
+pub(super) const NODES: u32 = beamlet_interface::MOST_ENERGIES;
 /// Mask offsets of a scan.
 pub const MASK_OFFSETS: u32 = 100_000;
 /// Mask offsets in periods of the sample mask: f64 holds the place of those within a period to 1e-6 of it.

@@ -199,7 +199,8 @@ impl CellIlluminator {
                 first..numbers::count(parts.len())
             };
             let all = &rows.cell_rows;
-            let near = add(all, 0, false);
+            let near = if gatherer.lands_far() { &[][..] } else { all };
+            let near = add(near, 0, false);
             let far = add(&all[..rows.far as usize], numbers::count(all.len()), true);
             for light in &lights[rows.lists.clone()] {
                 for (far, parts) in [(light.rows_apart(), near.clone()), (true, far.clone())] {

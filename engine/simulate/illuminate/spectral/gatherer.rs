@@ -10,7 +10,7 @@ use beamlet_core::Result;
 use beamlet_core::numbers::count;
 use beamlet_gpu::{Buffer, Device, Recorder, Upload};
 use beamlet_interface::{
-    Address, CellRow, EnergiesPush, EnergyParams, EnergyResult, EnergyRow, GROUP, GatherPush,
+    Address, CellRow, ENERGIES_EACH, EnergiesPush, EnergyParams, EnergyResult, EnergyRow, GROUP, GatherPush,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -92,6 +92,11 @@ impl<'s> Gatherer<'s> {
     /// Cells that are gathered at once.
     pub(crate) fn cells_at_once(&self) -> usize {
         (PLACES / (self.binning.nodes() * self.binning.groups.len().max(1))).min(MOST_CELLS)
+    }
+
+    /// True if all light lands farther than in its row and the two beside it.
+    pub(in crate::illuminate) fn lands_far(&self) -> bool {
+        !self.binning.lattice.heights && self.binning.lattice.has_wide_row_blur()
     }
 
     /// The work of gathering cells; `tracer`: `None` for cells without a sample.
@@ -223,7 +228,7 @@ impl Dispatches {
         r: &mut Recorder<'_>,
     ) {
         let push = &self.energies;
-        let groups = [push.cell_count.div_ceil(GROUP), self.energy_count, 1];
+        let groups = [push.cell_count.div_ceil(GROUP), self.energy_count.div_ceil(ENERGIES_EACH), 1];
         r.dispatch(energies, bytemuck::bytes_of(push), groups);
         r.barrier();
         for (push, lists) in &self.gather {
