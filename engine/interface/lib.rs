@@ -114,8 +114,8 @@ pub use fit::{FitPush, Step};
 pub use glsl::glsl_files;
 pub use light::{
     Aperture, BarLayer, BeamletGeometry, Cell, CellRow, CellRowPart, EnergiesPush, EnergyParams,
-    EnergyResult, EnergyRow, GatherPush, HeightParams, IlluminatePush, IlluminationParams, Mask, MaskHeights, MaskStrip, Pixel, RandomLightPush, RandomRaysPush,
-    RowGeometry, SpotPart,
+    EnergyResult, EnergyRow, GatherPush, HeightParams, IlluminatePush, IlluminationParams, Mask,
+    MaskHeights, MaskStrip, Pixel, RandomLightPush, RandomRaysPush, RowGeometry, SpotPart,
 };
 pub use reconstruct::{
     BackProjectPush, CombinePush, DotPush, DotSum, FourierPush, MovedSheet, MovedView,

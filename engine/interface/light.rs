@@ -267,6 +267,8 @@ shared_structs! {
         /// `[cell][energy]`.
         pub results: u64 => EnergyResults,
         pub cell_count: u32,
+        /// 0: cells without a sample.
+        pub has_moments: u32,
     }
 
     /// Push constants of `light/gather.comp`.

@@ -41,7 +41,8 @@ void first_order(uvec4 energies, out Results low, out Results high) {
     low = Results(vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
     high = low;
     uint at = 2u * cell * params.moment_words;
-    for (uint m = 0u; m < params.materials; m++) {
+    uint materials = push.has_moments != 0u ? params.materials : 0u;
+    for (uint m = 0u; m < materials; m++) {
         vec4 mu = constant(energies, 1u + 2u * m);
         vec4 delta = constant(energies, 2u + 2u * m);
         if (mu != vec4(0.0) || delta != vec4(0.0)) {
@@ -91,7 +92,7 @@ void repeat(inout Results low, inout Results high, uint ray, int of) {
 // materials that scatter.
 vec4 variances(uvec4 energies) {
     vec4 sum = vec4(0.0);
-    for (uint k = 0u; k < params.variances; k++) {
+    for (uint k = 0u; k < params.variances && push.has_moments != 0u; k++) {
         uint at = 2u * cell * params.moment_words + uint(Floats(params.constants).at[k]);
         float moment = 0.5 * (push.moments.at[at] + push.moments.at[at + params.moment_words]);
         sum += moment * constant(energies, 1u + 2u * params.materials + k);

@@ -93,21 +93,27 @@ impl Reach {
     }
 }
 
-/// Cells that the buffers hold: lists that share a submission have no more. They grow for larger lists.
+/// Cells that the buffers hold; they grow for larger lists.
 const CELLS_TOGETHER: usize = 1 << 16;
 
 /// Parts of cell rows times steps of the first submission on a GPU, and the least and most of one. Where a detector blurs
 /// light along z, one takes milliseconds on a processor.
 const SIZES: [u32; 3] = [1 << 16, 256, 1 << 26];
 
+/// Buffers of cells, cell rows and their parts.
+#[derive(Debug)]
+struct CellBuffers {
+    cells: Buffer,
+    cell_rows: Buffer,
+    parts: Buffer,
+}
+
 /// Illuminates cells.
 #[derive(Debug)]
 pub(crate) struct CellIlluminator {
     device: Arc<Device>,
     kernels: Arc<CellKernels>,
-    parts: Option<Buffer>,
-    cell_rows: Option<Buffer>,
-    cells: Option<Buffer>,
+    buffers: Option<CellBuffers>,
     /// Parts of cell rows times steps of a submission.
     pace: Pace,
     /// Dispatches of the next submission, and their cost.
@@ -132,9 +138,7 @@ impl CellIlluminator {
         Self {
             device: device.clone(),
             kernels: kernels.clone(),
-            parts: None,
-            cell_rows: None,
-            cells: None,
+            buffers: None,
             pace: Pace::new(SIZES[0] >> if is_cpu { 6 } else { 0 }, SIZES[1], SIZES[2]),
             planned: Vec::new(),
             gathering: None,
@@ -149,23 +153,44 @@ impl CellIlluminator {
     /// [`beamlet_core::Error::Memory`], [`beamlet_core::Error::Device`]; [`beamlet_core::Error::Interrupted`].
     pub(crate) fn add<'l>(
         &mut self,
-        lists: impl Iterator<Item = (&'l IlluminationBuffer, &'l CellBatch)>,
+        lists: impl Iterator<Item = (&'l IlluminationBuffer, &'l CellBatch)> + Clone,
         sums: &PixelSums,
         steps: u32,
     ) -> Result<()> {
-        let lists = lists.filter(|(_, list)| !list.cell_rows.is_empty() && !list.cells.is_empty());
-        let lists: Vec<_> = lists.collect();
-        let mut rest = &lists[..];
-        while !rest.is_empty() {
-            let mut cells = 0;
-            let fits = |(_, list): &&(&IlluminationBuffer, &CellBatch)| {
-                cells += list.cells.len();
-                cells <= CELLS_TOGETHER
+        let (mut ordered, mut parts, mut pieces) = (Vec::new(), Vec::new(), Vec::new());
+        let mut cells = 0;
+        for (light, list) in lists.clone() {
+            // Light of parts of a spot that spread differently over rows has its own kernel, and so has
+            // light of cells that lands far off.
+            let near = |cell_row: &&CellRow| {
+                !light.rows_apart() && lands_near(&list.cells[cell_row.first_cell as usize])
             };
-            let count = rest.iter().take_while(fits).count().max(1);
-            self.add_together(&rest[..count], sums, steps)?;
-            rest = &rest[count..];
+            let (near, far): (Vec<_>, Vec<_>) = list.cell_rows.iter().partition(near);
+            for (some, far) in [(near, false), (far, true)] {
+                let first_row = ordered.len();
+                let moved = |cell_row: &CellRow| CellRow {
+                    first_cell: cell_row.first_cell + numbers::count(cells),
+                    ..*cell_row
+                };
+                ordered.extend(some.into_iter().map(moved));
+                let parts = add_parts(&mut parts, &ordered[first_row..], far);
+                pieces.push(DispatchPart { light, far, parts, first_row });
+            }
+            cells += list.cells.len();
         }
+        if ordered.is_empty() {
+            return Ok(());
+        }
+        let buffers = self.fit([cells, ordered.len(), parts.len()])?;
+        let mut uploads = vec![Upload::new(&buffers.cell_rows, 0, &ordered)];
+        let mut at = 0;
+        for (_, list) in lists {
+            uploads.push(Upload::new(&buffers.cells, at, &list.cells));
+            at += size_of_val(&list.cells[..]) as u64;
+        }
+        self.illuminate(&buffers, (&pieces, &parts), (sums, steps), &mut uploads)?;
+        drop(uploads);
+        self.buffers = Some(buffers);
         Ok(())
     }
 
@@ -181,121 +206,64 @@ impl CellIlluminator {
         sums: &PixelSums,
         steps: u32,
     ) -> Result<()> {
-        let of_lists = gathering.rows.iter().map(|it| it.rows_of_list() * it.lists.len());
-        self.fit(gathering.places, of_lists.sum())?;
-        let (Some(cells), Some(cell_rows)) = (self.cells.take(), self.cell_rows.take()) else {
-            unreachable!("both were made")
-        };
-        let (mut parts, mut pieces, mut address) = (Vec::new(), Vec::new(), cell_rows.address());
+        let (mut parts, mut pieces, mut first_row) = (Vec::new(), Vec::new(), 0);
         for rows in &gathering.rows {
-            let mut add = |some: &[CellRow], first_row: u32, far: bool| {
-                let first = numbers::count(parts.len());
-                let own = parts_of(some, first_row, far).into_iter().map(|part| {
-                    // Energies may have several cells for a traced one.
-                    let is_last = part.last == some[(part.cell_row - first_row) as usize].cell_count;
-                    CellRowPart { last: if is_last { u32::MAX } else { part.last }, ..part }
-                });
-                parts.extend(own);
-                first..numbers::count(parts.len())
-            };
-            let all = &rows.cell_rows;
-            let near = if gatherer.lands_far() { &[][..] } else { all };
-            let near = add(near, 0, false);
-            let far = add(&all[..rows.far as usize], numbers::count(all.len()), true);
+            let [near, far] = rows.near_and_far();
+            let near_parts = add_parts(&mut parts, near, false);
+            let far_parts = add_parts(&mut parts, far, true);
             for light in &lights[rows.lists.clone()] {
-                for (far, parts) in [(light.rows_apart(), near.clone()), (true, far.clone())] {
-                    pieces.push(DispatchPart { light, far, parts, cell_rows: address });
-                }
-                address += (rows.rows_of_list() * size_of::<CellRow>()) as Address;
+                let of = [
+                    (light.rows_apart(), &near_parts, 0),
+                    (true, &far_parts, rows.cell_rows.len()),
+                ];
+                pieces.extend(of.map(|(far, parts, behind)| {
+                    let (parts, first_row) = (parts.clone(), first_row + behind);
+                    DispatchPart { light, far, parts, first_row }
+                }));
+                first_row += rows.rows_of_list();
             }
         }
+        let buffers = self.fit([gathering.places, first_row, parts.len()])?;
         let mut uploads = Vec::new();
-        self.gathering = Some(gatherer.prepare(gathering, (&cells, &cell_rows), &mut uploads)?);
-        self.run_pieces((&cells, sums), (&pieces, &parts), steps, uploads)?;
-        (self.cells, self.cell_rows) = (Some(cells), Some(cell_rows));
+        let into = (&buffers.cells, &buffers.cell_rows);
+        self.gathering = Some(gatherer.prepare(gathering, into, &mut uploads)?);
+        self.illuminate(&buffers, (&pieces, &parts), (sums, steps), &mut uploads)?;
+        drop(uploads);
+        self.buffers = Some(buffers);
         Ok(())
     }
 
-    /// Makes the buffers large enough for this many cells and cell rows.
-    fn fit(&mut self, cells: usize, cell_rows: usize) -> Result<()> {
-        let [cells, cell_rows] = [cells, cell_rows].map(|it| it.max(CELLS_TOGETHER));
-        self.cells = Some(fit::<Cell>(&self.device, self.cells.take(), "cells", cells)?);
-        let before = self.cell_rows.take();
-        self.cell_rows = Some(fit::<CellRow>(&self.device, before, "cell rows", cell_rows)?);
-        Ok(())
+    /// Buffers for this many cells, cell rows and parts of these.
+    fn fit(&mut self, counts: [usize; 3]) -> Result<CellBuffers> {
+        let [cells, cell_rows, parts] = counts.map(|count| count.max(CELLS_TOGETHER));
+        let old = self.buffers.take().map(|it| [it.cells, it.cell_rows, it.parts].map(Some));
+        let [old_cells, old_rows, old_parts] = old.unwrap_or_default();
+        Ok(CellBuffers {
+            cells: fit::<Cell>(&self.device, old_cells, "cells", cells)?,
+            cell_rows: fit::<CellRow>(&self.device, old_rows, "cell rows", cell_rows)?,
+            parts: fit::<CellRowPart>(&self.device, old_parts, "parts of cell rows", parts)?,
+        })
     }
 
-    /// Adds the light of lists that are on the device together.
-    fn add_together(
+    /// Illuminates pieces, after uploads.
+    fn illuminate<'u>(
         &mut self,
-        lists: &[(&IlluminationBuffer, &CellBatch)],
-        sums: &PixelSums,
-        steps: u32,
+        buffers: &'u CellBuffers,
+        (pieces, parts): (&[DispatchPart<'_>], &'u [CellRowPart]),
+        (sums, steps): (&PixelSums, u32),
+        uploads: &mut Vec<Upload<'u>>,
     ) -> Result<()> {
-        let count = |of: fn(&CellBatch) -> usize| lists.iter().map(|(_, list)| of(list)).sum();
-        let rows: usize = count(|l| l.cell_rows.len());
-        self.fit(count(|l| l.cells.len()), rows)?;
-        let (Some(cells), Some(cell_rows)) = (self.cells.take(), self.cell_rows.take()) else {
-            unreachable!("both were made")
-        };
-        let mut uploads = Vec::new();
-        let mut ordered = Vec::with_capacity(rows);
-        let mut parts = Vec::with_capacity(rows);
-        let mut pieces = Vec::new();
-        let mut first_cell = 0;
-        for (light, list) in lists {
-            let at = (first_cell * size_of::<Cell>()) as u64;
-            uploads.push(Upload::new(&cells, at, &list.cells));
-            // Light of parts of a spot that spread differently over rows has its own kernel, and so has
-            // light of cells that lands far off.
-            let near = |cell_row: &&CellRow| {
-                !light.rows_apart() && lands_near(&list.cells[cell_row.first_cell as usize])
-            };
-            let (near, far): (Vec<_>, Vec<_>) = list.cell_rows.iter().partition(near);
-            for (some, far) in [(near, false), (far, true)] {
-                let (first_row, first_part) = (ordered.len(), numbers::count(parts.len()));
-                let moved = |cell_row: &CellRow| CellRow {
-                    first_cell: cell_row.first_cell + numbers::count(first_cell),
-                    ..*cell_row
-                };
-                ordered.extend(some.into_iter().map(moved));
-                parts.extend(parts_of(&ordered[first_row..], numbers::count(first_row), far));
-                let parts = first_part..numbers::count(parts.len());
-                pieces.push(DispatchPart { light, far, parts, cell_rows: cell_rows.address() });
-            }
-            first_cell += list.cells.len();
-        }
-        uploads.push(Upload::new(&cell_rows, 0, &ordered));
-        self.run_pieces((&cells, sums), (&pieces, &parts), steps, uploads)?;
-        (self.cells, self.cell_rows) = (Some(cells), Some(cell_rows));
-        Ok(())
-    }
-
-    /// Illuminates pieces, whose parts are those of the range of each, after uploads.
-    fn run_pieces(
-        &mut self,
-        (cells, sums): (&Buffer, &PixelSums),
-        (pieces, parts): (&[DispatchPart<'_>], &[CellRowPart]),
-        steps: u32,
-        uploads: Vec<Upload<'_>>,
-    ) -> Result<()> {
-        let most = parts.len().max(CELLS_TOGETHER);
-        let before = self.parts.take();
-        let buffer = fit::<CellRowPart>(&self.device, before, "parts of cell rows", most)?;
-        let mut uploads: Vec<Upload<'_>> = uploads;
-        uploads.push(Upload::new(&buffer, 0, parts));
+        uploads.push(Upload::new(&buffers.parts, 0, parts));
         let template = IlluminatePush {
-            parts: buffer.address(),
-            cells: cells.address(),
+            parts: buffers.parts.address(),
+            cell_rows: buffers.cell_rows.address(),
+            cells: buffers.cells.address(),
             sums: sums.buffer.address(),
             steps,
             ..bytemuck::Zeroable::zeroed()
         };
-        pieces.iter().try_for_each(|piece| self.plan(piece, template, steps, &mut uploads))?;
-        self.run(&mut uploads)?;
-        drop(uploads);
-        self.parts = Some(buffer);
-        Ok(())
+        pieces.iter().try_for_each(|piece| self.plan(piece, template, steps, uploads))?;
+        self.run(uploads)
     }
 
     /// Plans the dispatches of a piece; runs those before it as they fill a submission. The first has the
@@ -307,7 +275,8 @@ impl CellIlluminator {
         steps: u32,
         uploads: &mut Vec<Upload<'_>>,
     ) -> Result<()> {
-        let DispatchPart { light, far, parts, cell_rows } = piece;
+        let DispatchPart { light, far, parts, first_row } = piece;
+        let cell_rows = template.cell_rows + (first_row * size_of::<CellRow>()) as Address;
         let kind = self.device.description().kind;
         // Light that no sample mask moves is the same at every step, and has its own sums.
         let steps = if light.same_at_all_steps { steps..steps + 1 } else { 0..steps };
@@ -326,7 +295,7 @@ impl CellIlluminator {
                     let steps_each = items_each(kind, items, STEPS_EACH.min(steps));
                     let push = IlluminatePush {
                         light_ref,
-                        cell_rows: *cell_rows,
+                        cell_rows,
                         part_count,
                         first_part,
                         first_step,
@@ -381,6 +350,13 @@ struct DispatchPart<'l> {
     light: &'l IlluminationBuffer,
     far: bool,
     parts: Range<u32>,
-    /// Address of the first of its cell rows.
-    cell_rows: Address,
+    /// Index of the cell row that parts count from.
+    first_row: usize,
+}
+
+/// Appends the parts of cell rows; their range.
+fn add_parts(parts: &mut Vec<CellRowPart>, cell_rows: &[CellRow], far: bool) -> Range<u32> {
+    let first = numbers::count(parts.len());
+    parts.extend(parts_of(cell_rows, far));
+    first..numbers::count(parts.len())
 }

@@ -9,15 +9,15 @@ const CELLS_EACH: u32 = 64;
 /// Only rows of unresolved structure have more.
 const CELLS_WHOLE: u32 = 512;
 
-/// Parts of cell rows, whose indices begin at `first_row`: the first parts of all rows, then their second
-/// ones, and so on. Neighbours see the same apertures from several rows, and subgroups wait for one
-/// another less.
-pub(super) fn parts_of(cell_rows: &[CellRow], first_row: u32, far: bool) -> Vec<CellRowPart> {
+/// Parts of cell rows: the first parts of all rows, then their second ones, and so on. Neighbours see the same
+/// apertures from several rows, and subgroups wait for one another less. The last part of a row has no end: energies
+/// may have more cells.
+pub(super) fn parts_of(cell_rows: &[CellRow], far: bool) -> Vec<CellRowPart> {
     let count = |row: &CellRow| match row.cell_count {
         1..=CELLS_WHOLE if !far => 1,
         cells => cells.div_ceil(CELLS_EACH),
     };
-    let mut rows: Vec<(u32, &CellRow)> = (first_row..).zip(cell_rows).collect();
+    let mut rows: Vec<(u32, &CellRow)> = (0..).zip(cell_rows).collect();
     let mut parts = Vec::with_capacity(rows.len());
     let mut part = 0;
     while !rows.is_empty() {
@@ -26,7 +26,8 @@ pub(super) fn parts_of(cell_rows: &[CellRow], first_row: u32, far: bool) -> Vec<
             // Parts of a row are about equal.
             let end = |part: u32| {
                 let cells = u64::from(row.cell_count) * u64::from(part);
-                numbers::low_word(cells / u64::from(count(row)))
+                let end = numbers::low_word(cells / u64::from(count(row)));
+                if part == count(row) { u32::MAX } else { end }
             };
             parts.push(CellRowPart { cell_row: *index, first: end(part), last: end(part + 1) });
         }
@@ -51,17 +52,20 @@ mod tests {
         let far = (true, 64, 1 + 1 + 2 + 79 + 8 + 9);
         let near = (false, 512, 1 + 1 + 1 + 79 + 1 + 9);
         for (far, most, count) in [far, near] {
-            let parts = parts_of(&rows, 10, far);
+            let mut parts = parts_of(&rows, far);
+            parts
+                .iter_mut()
+                .for_each(|it| it.last = it.last.min(rows[it.cell_row as usize].cell_count));
             assert!(parts.iter().all(|part| part.last - part.first <= most));
             assert_eq!(parts.len(), count);
-            for (index, row) in (10..).zip(&rows) {
+            for (index, row) in (0..).zip(&rows) {
                 let of_row = parts.iter().filter(|part| part.cell_row == index);
                 let cells: Vec<u32> = of_row.flat_map(|part| part.first..part.last).collect();
                 assert_eq!(cells, (0..row.cell_count).collect::<Vec<_>>());
             }
             // First parts in the order of their rows, before further parts of long ones.
             let order: Vec<u32> = parts[..6].iter().map(|part| part.cell_row).collect();
-            assert_eq!(order, [10, 11, 12, 14, 15, 16]);
+            assert_eq!(order, [0, 1, 2, 4, 5, 6]);
         }
     }
 }

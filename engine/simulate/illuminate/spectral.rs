@@ -18,7 +18,9 @@ mod set_up;
 
 use crate::sampling::{CellBatch, Lattice};
 use bars::passing;
-use beamlet_interface::{CellRow, EnergyParams, MOMENTS_LEVER, MOMENTS_PER_MATERIAL, MOMENTS_SLOPE};
+use beamlet_interface::{
+    CellRow, EnergyParams, MOMENTS_LEVER, MOMENTS_PER_MATERIAL, MOMENTS_SLOPE,
+};
 use beamlet_model::optics::MaskShape;
 use edges::SharedEdges;
 
@@ -105,7 +107,8 @@ impl EnergyBinning {
             };
             materials.map(of).sum::<f64>()
         };
-        let rays = cells.moments.ends[first..end].chunks(words / 2);
+        let ends = cells.moments.ends.get(first..end).unwrap_or_default();
+        let rays = ends.chunks(words / 2);
         let down = rays.map(farthest).fold(0.0, f64::max) / f64::from(self.params.row_pitch);
         let [top, bottom] = [cell_row.top, cell_row.bottom].map(f64::from);
         !self.lattice.lands_beside(top - down, bottom + down)

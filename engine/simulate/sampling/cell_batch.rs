@@ -58,12 +58,6 @@ impl CellBatch {
         self.moments.append(moments, first_cell);
     }
 
-    /// Gives cells without a sample their moments, which are zero.
-    /// `words`: of the moments of a ray.
-    pub(crate) fn keep_nothing(&mut self, words: usize) {
-        self.moments.ends = vec![0.0; 2 * self.cells.len() * words];
-    }
-
     /// Cell rows of several parts in their order, with their counts.
     pub(crate) fn concat(mut parts: Vec<Self>) -> Self {
         let mut all = Self::default();

@@ -78,11 +78,11 @@ fn take_blank(
     let Lattice { direct, beamlets, .. } = view.lattice;
     blank.retain(|(column, row)| lit.contains(row) && direct.contains(&(column + beamlets.start)));
     let cell = empty_cell(view.lattice);
-    let words = view.recording.as_ref().map_or(0, |recording| recording.words());
-    let none = CellMoments { ends: vec![0.0; 2 * words], ..CellMoments::default() };
     for cell_rows in blank_cell_rows(view.lattice, blank).chunks(PATCHES_AT_ONCE) {
         let mut part = CellBatch::default();
-        cell_rows.iter().for_each(|cell_row| part.push(*cell_row, &[cell], &none));
+        cell_rows
+            .iter()
+            .for_each(|cell_row| part.push(*cell_row, &[cell], &CellMoments::default()));
         take(tracer, &part)?;
     }
     Ok(())

@@ -10,7 +10,8 @@ use beamlet_core::Result;
 use beamlet_core::numbers::count;
 use beamlet_gpu::{Buffer, Device, Recorder, Upload};
 use beamlet_interface::{
-    Address, CellRow, ENERGIES_EACH, EnergiesPush, EnergyParams, EnergyResult, EnergyRow, GROUP, GatherPush,
+    Address, Cell, CellRow, ENERGIES_EACH, EnergiesPush, EnergyParams, EnergyResult, EnergyRow,
+    GROUP, GatherPush,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -26,18 +27,26 @@ pub(in crate::illuminate) struct GatheredRows {
     /// First those whose light may land far.
     pub(in crate::illuminate) cell_rows: Vec<CellRow>,
     /// Number of the cell rows whose light may land far.
-    pub(in crate::illuminate) far: u32,
+    far: u32,
     /// Lists, as indices of the light of [`EnergyBinning::lights`].
     pub(in crate::illuminate) lists: Range<usize>,
     /// Places and bars.
     energy_rows: Vec<EnergyRow>,
     by_energy: bool,
+    /// The blur takes all light farther than to the rows beside.
+    lands_far: bool,
 }
 
 impl GatheredRows {
     /// Cell rows of a list: of all, and again of those whose light may land far.
     pub(in crate::illuminate) fn rows_of_list(&self) -> usize {
         self.cell_rows.len() + self.far as usize
+    }
+
+    /// Cell rows whose light may land in their row and the two beside it, and those whose light may land farther.
+    pub(in crate::illuminate) fn near_and_far(&self) -> [&[CellRow]; 2] {
+        let near = if self.lands_far { &[] } else { &self.cell_rows[..] };
+        [near, &self.cell_rows[..self.far as usize]]
     }
 }
 
@@ -68,14 +77,17 @@ pub(crate) struct Gatherer<'s> {
 }
 
 impl<'s> Gatherer<'s> {
+    /// Bytes of its buffers on the device, and of the gathered cells; those of `MOST_CELLS` cells with moments of three
+    /// materials.
+    pub(crate) const BYTES: u64 = (PLACES
+        * (size_of::<Cell>().next_power_of_two() + size_of::<EnergyResult>())
+        + MOST_CELLS * 256) as u64;
+
     /// A gatherer of the energies of a scene.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Memory`].
-    pub(crate) fn new(
-        device: &Arc<Device>,
-        binning: &'s EnergyBinning,
-    ) -> Result<Self> {
+    pub(crate) fn new(device: &Arc<Device>, binning: &'s EnergyBinning) -> Result<Self> {
         let constants = device.upload("constants of energies", &binning.constants)?;
         let params = EnergyParams { constants: constants.address(), ..binning.params };
         Ok(Self {
@@ -92,11 +104,6 @@ impl<'s> Gatherer<'s> {
     /// Cells that are gathered at once.
     pub(crate) fn cells_at_once(&self) -> usize {
         (PLACES / (self.binning.nodes() * self.binning.groups.len().max(1))).min(MOST_CELLS)
-    }
-
-    /// True if all light lands farther than in its row and the two beside it.
-    pub(in crate::illuminate) fn lands_far(&self) -> bool {
-        !self.binning.lattice.heights && self.binning.lattice.has_wide_row_blur()
     }
 
     /// The work of gathering cells; `tracer`: `None` for cells without a sample.
@@ -127,6 +134,8 @@ impl<'s> Gatherer<'s> {
         let mut rows = [GatheredRows::default(), GatheredRows::default()];
         (rows[0].lists, rows[1].lists) = (0..groups, groups..groups + nodes);
         rows[1].by_energy = true;
+        let lands_far = !binning.lattice.heights && binning.lattice.has_wide_row_blur();
+        rows.iter_mut().for_each(|it| it.lands_far = lands_far);
         let mut places = 0;
         for (row, bars, is_far) in all {
             let of = &mut rows[usize::from(apart[bars])];
@@ -187,6 +196,7 @@ impl<'s> Gatherer<'s> {
             repeated,
             results: results.address(),
             cell_count: count(cells.cells.len()),
+            has_moments: (!cells.moments.ends.is_empty()).into(),
         };
         let mut first_row = 0;
         let gather = rows.iter().zip(of_rows.chunks(2)).map(|(rows, of_rows)| {
@@ -228,7 +238,8 @@ impl Dispatches {
         r: &mut Recorder<'_>,
     ) {
         let push = &self.energies;
-        let groups = [push.cell_count.div_ceil(GROUP), self.energy_count.div_ceil(ENERGIES_EACH), 1];
+        let groups =
+            [push.cell_count.div_ceil(GROUP), self.energy_count.div_ceil(ENERGIES_EACH), 1];
         r.dispatch(energies, bytemuck::bytes_of(push), groups);
         r.barrier();
         for (push, lists) in &self.gather {

@@ -56,7 +56,8 @@ impl EnergyBinning {
         let spare = tolerance.min(lattice.edge_blur * tolerances.light).max(first_order);
         let share = SPREAD_SHARE * libm::cbrt(tolerances.light / 1e-3).min(1.0);
         let (constants, variances) = constants(media, reference);
-        let strongest = |m: usize| media.constants.iter().map(|it| it[m].delta.abs()).fold(0.0, f64::max);
+        let strongest =
+            |m: usize| media.constants.iter().map(|it| it[m].delta.abs()).fold(0.0, f64::max);
         let params = EnergyParams {
             energies: count(media.weights.len()),
             materials: count(media.names.len()),

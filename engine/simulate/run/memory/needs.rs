@@ -5,7 +5,7 @@ use super::building::building;
 use super::program::program;
 use super::rays::{beamlets, cell_rays};
 use crate::detector::SubpixelGrid;
-use crate::illuminate::CellIlluminator;
+use crate::illuminate::{CellIlluminator, Gatherer};
 use crate::trace::{FIRST_BATCH, LARGEST_BATCH, LISTS_BYTES, RAY_BYTES};
 use beamlet_core::{Error, Result, numbers};
 use beamlet_files::StackShape;
@@ -39,8 +39,6 @@ const MOST_CELLS: u64 = (2 << 30) / OF_CELL;
 const BASE: u64 = 160;
 /// Bytes on the host per ray and material under a spectrum: moments at both ends of cells.
 const KEPT_MOMENTS: u64 = 40;
-/// Bytes on the host per ray under a spectrum: cells by their way through the masks.
-const GATHERED: u64 = 160;
 /// Bytes on the host and on the device per beamlet whose light reaches the detector: its place, and its
 /// data of the masks.
 const BEAMLET: u64 = 96;
@@ -106,6 +104,8 @@ pub(super) struct Needs {
     pub(super) cells: bool,
     /// Lines of rays replace cells.
     wave: bool,
+    /// Energies of cells are gathered.
+    gathered: bool,
     /// Cells of lines in memory together, where they are known.
     pub(super) crowded: u64,
 }
@@ -147,7 +147,7 @@ impl Needs {
         let wave = scene.sampling.transport == Transport::Wave;
         let ray_host = match scene.source.beam {
             Beam::Energy(_) => OF_RAY,
-            Beam::Spectrum(_) => OF_RAY + GATHERED + KEPT_MOMENTS * materials.len() as u64,
+            Beam::Spectrum(_) => OF_RAY + KEPT_MOMENTS * materials.len() as u64,
         };
         let ray_device = RAY_BYTES + 4 * (MOMENTS_HEAD + 5 * materials.len()) as u64;
         Ok(Self {
@@ -169,6 +169,7 @@ impl Needs {
             ray_device,
             cells,
             wave,
+            gathered: cells && !wave && matches!(scene.source.beam, Beam::Spectrum(_)),
             crowded: 0,
         })
     }
@@ -311,6 +312,7 @@ impl Needs {
             + FRAME_COPIES * self.frame;
         let device = LISTS_BYTES
             + CellIlluminator::BYTES
+            + if self.gathered { Gatherer::BYTES } else { 0 }
             + wave_device
             + (TREE + STRUCTURE) * self.triangles
             + self.instances().device

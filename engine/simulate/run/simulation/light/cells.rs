@@ -18,8 +18,6 @@ pub(super) struct CellLight<'s> {
     lattice: &'s Lattice,
     /// Gathers energies.
     gatherer: Option<Gatherer<'s>>,
-    /// Words of the moments of a ray.
-    moment_words: usize,
     /// One for each list of cells.
     lights: Vec<IlluminationBuffer>,
     sums: PixelSums,
@@ -74,7 +72,6 @@ impl<'s> CellLight<'s> {
         Ok(Self {
             lattice: &simulation.lattice,
             gatherer,
-            moment_words: simulation.media.moment_words(),
             lights,
             sums: PixelSums::new(device, steps, rows, columns)?,
             illuminator: CellIlluminator::new(device, kernels, cancel),
@@ -138,11 +135,7 @@ impl<'s> CellLight<'s> {
     /// # Errors
     /// As [`CellLight::add`].
     pub(super) fn add_blank(&mut self, rows: Range<i64>) -> Result<()> {
-        let mut cells = sampling::empty_cell_rows(self.lattice, rows);
-        if self.gatherer.is_some() {
-            cells.keep_nothing(self.moment_words);
-        }
-        self.add(None, &cells)
+        self.add(None, &sampling::empty_cell_rows(self.lattice, rows))
     }
 
     /// Adds the light of lists of cells, one for each record of light.
