@@ -111,13 +111,15 @@ void add_joined(inout Joining joining) {
     joining.has_cells = false;
 }
 
-// Words of the bars behind the shares of groups, and of a group.
-uint bars_behind_shares() {
-    return place.bars + params.groups * params.energies;
+// Refraction at an energy relative to the mean constants.
+float refraction_at(uint energy) {
+    uint stride = 1u + 2u * params.materials + params.variances;
+    return Floats(params.constants).at[params.variances + energy * stride];
 }
 
-uint bars_of_group(uint group) {
-    return bars_behind_shares() + 3u * params.energies + 5u * group;
+// Word of the bars behind the shares of groups.
+uint bars_behind_shares() {
+    return place.bars + params.groups * params.energies;
 }
 
 // Sums of a cell, whose results begin at `at`, over energies.
@@ -142,8 +144,7 @@ Sums sums_over(uint at, uint group, uint first, uint last) {
         sums.narrowing += narrowing;
         sums.narrowing_x += narrowing * x.y;
         if (params.heights != 0u) {
-            uint stride = 1u + 2u * params.materials + params.variances;
-            sums.refraction += light.y * Floats(params.constants).at[params.variances + n * stride];
+            sums.refraction += light.y * refraction_at(n);
             sums.depth += light.y * 0.5 * (result.depth_low + result.depth_high);
         }
     }
@@ -177,7 +178,7 @@ uint next_end(uint first, uint end) {
 
 // Cells of one way through the masks: one, or the number that keeps the energies in each close enough.
 void gather_group(uint group) {
-    uint bars = bars_of_group(group);
+    uint bars = bars_behind_shares() + 3u * params.energies + 5u * group;
     uint begin = uint(push.bars.at[bars]);
     uint end = uint(push.bars.at[bars + 1u]);
     vec3 limits = vec3(push.bars.at[bars + 2u], push.bars.at[bars + 3u], push.bars.at[bars + 4u]);
@@ -235,8 +236,6 @@ void gather_group(uint group) {
 
 // Cells of one energy.
 void gather_energy(uint energy) {
-    uint stride = 1u + 2u * params.materials + params.variances;
-    float refraction = Floats(params.constants).at[params.variances + energy * stride];
     for (uint i = 0u; i < source.cell_count; i++) {
         uint cell = source.first_cell + i;
         EnergyResult result = push.results.at[cell * params.energies + energy];
@@ -245,7 +244,7 @@ void gather_energy(uint energy) {
         Cell made = cell_of(vec2(traced.x_low, traced.x_high), depth, vec2(result.x_low, result.x_high), result.z,
                             result.slope_x);
         made.displacement_variance = result.variance;
-        set_along_z(made, traced, refraction, 0.5 * (depth.x + depth.y));
+        set_along_z(made, traced, refraction_at(energy), 0.5 * (depth.x + depth.y));
         add_cell(made);
     }
 }

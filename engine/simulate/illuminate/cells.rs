@@ -4,9 +4,9 @@ use super::fill::items_each;
 use super::fit::fit;
 use super::light::{ApertureEdges, IlluminationBuffer};
 use super::row_parts::parts_of;
-use super::spectral::{Dispatches, Gatherer, Gathering};
+use super::spectral::{Dispatches, GatherBuffers, Gatherer, Gathering};
 use super::sums::PixelSums;
-use crate::sampling::{CellBatch, lands_near};
+use crate::sampling::{CellBatch, balance, lands_near};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Buffer, Device, DeviceKind, LazyKernel, Pace, Recorder, Upload, push_bytes};
@@ -49,46 +49,13 @@ impl CellKernels {
         }
     }
 
-    /// The kernel of most cells.
-    pub(crate) const fn usual(&self, edges: ApertureEdges) -> &LazyKernel {
-        match edges {
-            ApertureEdges::Straight => &self.near,
-            ApertureEdges::Walls => &self.walls,
-            ApertureEdges::Heights => &self.heights,
-        }
-    }
-
-    /// The kernel of cells.
-    fn of(&self, reach: Reach) -> &LazyKernel {
-        match reach {
-            Reach::Near => &self.near,
-            Reach::Far => &self.far,
-            Reach::Walls => &self.walls,
-            Reach::Heights => &self.heights,
-        }
-    }
-}
-
-/// Where light of cells may land.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Reach {
-    /// In their row and the two beside it.
-    Near,
-    /// In any row.
-    Far,
-    /// In any row, past such walls.
-    Walls,
-    /// In any row, through apertures that end along z.
-    Heights,
-}
-
-impl Reach {
-    fn of(light: &IlluminationBuffer, far: bool) -> Self {
-        match (light.edges(), far) {
-            (ApertureEdges::Heights, _) => Self::Heights,
-            (ApertureEdges::Walls, _) => Self::Walls,
-            (ApertureEdges::Straight, true) => Self::Far,
-            (ApertureEdges::Straight, false) => Self::Near,
+    /// The kernel of cells whose light lands in their row and the two beside it, or `far` in any row.
+    pub(crate) const fn of(&self, edges: ApertureEdges, far: bool) -> &LazyKernel {
+        match (edges, far) {
+            (ApertureEdges::Heights, _) => &self.heights,
+            (ApertureEdges::Walls, _) => &self.walls,
+            (ApertureEdges::Straight, true) => &self.far,
+            (ApertureEdges::Straight, false) => &self.near,
         }
     }
 }
@@ -114,10 +81,11 @@ pub(crate) struct CellIlluminator {
     device: Arc<Device>,
     kernels: Arc<CellKernels>,
     buffers: Option<CellBuffers>,
+    gather_buffers: GatherBuffers,
     /// Parts of cell rows times steps of a submission.
     pace: Pace,
     /// Dispatches of the next submission, and their cost.
-    planned: Vec<(Reach, IlluminatePush)>,
+    planned: Vec<(ApertureEdges, bool, IlluminatePush)>,
     /// Dispatches before these.
     gathering: Option<Dispatches>,
     planned_cost: u64,
@@ -139,6 +107,7 @@ impl CellIlluminator {
             device: device.clone(),
             kernels: kernels.clone(),
             buffers: None,
+            gather_buffers: GatherBuffers::default(),
             pace: Pace::new(SIZES[0] >> if is_cpu { 6 } else { 0 }, SIZES[1], SIZES[2]),
             planned: Vec::new(),
             gathering: None,
@@ -147,19 +116,20 @@ impl CellIlluminator {
         }
     }
 
-    /// Adds the light of lists of cell rows to the sums, at `steps` mask steps.
+    /// Adds the light of lists of cell rows, one for each of `lights`, to the sums, at `steps` mask steps.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Memory`], [`beamlet_core::Error::Device`]; [`beamlet_core::Error::Interrupted`].
-    pub(crate) fn add<'l>(
+    pub(crate) fn add(
         &mut self,
-        lists: impl Iterator<Item = (&'l IlluminationBuffer, &'l CellBatch)> + Clone,
+        lights: &[IlluminationBuffer],
+        lists: &[CellBatch],
         sums: &PixelSums,
         steps: u32,
     ) -> Result<()> {
         let (mut ordered, mut parts, mut pieces) = (Vec::new(), Vec::new(), Vec::new());
         let mut cells = 0;
-        for (light, list) in lists.clone() {
+        for (light, list) in lights.iter().zip(lists) {
             // Light of parts of a spot that spread differently over rows has its own kernel, and so has
             // light of cells that lands far off.
             let near = |cell_row: &&CellRow| {
@@ -173,6 +143,7 @@ impl CellIlluminator {
                     ..*cell_row
                 };
                 ordered.extend(some.into_iter().map(moved));
+                balance(&mut ordered[first_row..]);
                 let parts = add_parts(&mut parts, &ordered[first_row..], far);
                 pieces.push(DispatchPart { light, far, parts, first_row });
             }
@@ -184,7 +155,7 @@ impl CellIlluminator {
         let buffers = self.fit([cells, ordered.len(), parts.len()])?;
         let mut uploads = vec![Upload::new(&buffers.cell_rows, 0, &ordered)];
         let mut at = 0;
-        for (_, list) in lists {
+        for list in lists {
             uploads.push(Upload::new(&buffers.cells, at, &list.cells));
             at += size_of_val(&list.cells[..]) as u64;
         }
@@ -200,7 +171,7 @@ impl CellIlluminator {
     /// As [`Self::add`].
     pub(crate) fn add_gathered(
         &mut self,
-        gatherer: &mut Gatherer<'_>,
+        gatherer: &Gatherer<'_>,
         gathering: &Gathering<'_>,
         lights: &[IlluminationBuffer],
         sums: &PixelSums,
@@ -226,10 +197,12 @@ impl CellIlluminator {
         let buffers = self.fit([gathering.places, first_row, parts.len()])?;
         let mut uploads = Vec::new();
         let into = (&buffers.cells, &buffers.cell_rows);
-        self.gathering = Some(gatherer.prepare(gathering, into, &mut uploads)?);
+        let mut gather_buffers = std::mem::take(&mut self.gather_buffers);
+        let dispatches = gatherer.prepare(gathering, &mut gather_buffers, into, &mut uploads)?;
+        self.gathering = Some(dispatches);
         self.illuminate(&buffers, (&pieces, &parts), (sums, steps), &mut uploads)?;
         drop(uploads);
-        self.buffers = Some(buffers);
+        (self.buffers, self.gather_buffers) = (Some(buffers), gather_buffers);
         Ok(())
     }
 
@@ -306,7 +279,7 @@ impl CellIlluminator {
                     if self.planned_cost + items > u64::from(self.pace.size()) {
                         self.run(uploads)?;
                     }
-                    self.planned.push((Reach::of(light, *far), push));
+                    self.planned.push((light.edges(), *far, push));
                     self.planned_cost += items;
                     first_step = last_step;
                 }
@@ -322,18 +295,17 @@ impl CellIlluminator {
         let planned = std::mem::take(&mut self.planned);
         self.planned_cost = 0;
         let kernels = self.kernels.clone();
-        let made: Vec<_> =
-            planned.iter().map(|(reach, _)| kernels.of(*reach).get()).collect::<Result<_>>()?;
+        let made = planned.iter().map(|(edges, far, _)| kernels.of(*edges, *far).get());
+        let made: Vec<_> = made.collect::<Result<_>>()?;
         let uploads = std::mem::take(uploads);
         let gathering = self.gathering.take();
-        let gathers = gathering
-            .map(|it| Ok((it, [kernels.energies.get()?, kernels.gather.get()?])))
-            .transpose()?;
+        let gather = |it| Ok((it, [kernels.energies.get()?, kernels.gather.get()?]));
+        let gathering = gathering.map(gather).transpose()?;
         let record = |r: &mut Recorder<'_>| {
-            if let Some((gathering, kernels)) = &gathers {
+            if let Some((gathering, kernels)) = &gathering {
                 gathering.record(*kernels, r);
             }
-            for ((_, push), kernel) in planned.iter().zip(&made) {
+            for ((.., push), kernel) in planned.iter().zip(&made) {
                 let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
                 let groups = [push.part_count.div_ceil(GROUP), shares, 1];
                 r.dispatch(kernel, bytemuck::bytes_of(push), groups);

@@ -25,7 +25,7 @@ use beamlet_model::optics::MaskShape;
 use edges::SharedEdges;
 
 pub(crate) use gatherer::Gatherer;
-pub(super) use gatherer::{Dispatches, Gathering};
+pub(super) use gatherer::{Dispatches, GatherBuffers, Gathering};
 
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
 /// spectrum with less in a group.

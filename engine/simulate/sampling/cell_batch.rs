@@ -8,13 +8,12 @@ use beamlet_core::parallel;
 use beamlet_core::tally::Tally;
 use beamlet_interface::{Cell, CellRow};
 use bytemuck::Pod;
-use std::borrow::Cow;
 use std::ops::Range;
 
 /// Cell rows and cells, ready to be illuminated.
 #[derive(Debug, Clone, Default)]
 pub struct CellBatch {
-    /// Cell rows.
+    /// Cell rows, in the order of their cells.
     pub cell_rows: Vec<CellRow>,
     /// Their cells.
     pub cells: Vec<Cell>,
@@ -80,7 +79,7 @@ impl CellBatch {
 
     /// The cells in parts of whole cell rows, about `most` cells each, without counts. Later stages may
     /// need many times the memory of cells.
-    pub(crate) fn parts(&self, most: usize) -> impl Iterator<Item = Cow<'_, Self>> {
+    pub(crate) fn parts(&self, most: usize) -> impl Iterator<Item = Self> {
         let mut rest = &self.cell_rows[..];
         std::iter::from_fn(move || {
             let mut cells = 0;
@@ -90,41 +89,35 @@ impl CellBatch {
                 fits
             };
             let (some, after) = rest.split_at(rest.iter().take_while(fits).count());
-            let is_all = some.len() == self.cell_rows.len();
             rest = after;
-            (!some.is_empty())
-                .then(|| if is_all { Cow::Borrowed(self) } else { Cow::Owned(self.part(some)) })
+            Some(self.part(some.first()?.first_cell, some))
         })
     }
 
-    /// Some of the cell rows with their cells.
-    fn part(&self, rows: &[CellRow]) -> Self {
+    /// Some of the cell rows with their cells, which begin with cell `first`.
+    fn part(&self, first: u32, rows: &[CellRow]) -> Self {
         let words = self.moments.ends.len() / self.cells.len().max(1);
-        let mut part = Self::default();
-        for row in rows {
-            let first = numbers::count(part.cells.len());
-            let range = row.first_cell as usize..(row.first_cell + row.cell_count) as usize;
-            let exact = &self.moments.exact;
-            let [begin, end] = [range.start, range.end]
-                .map(|at| exact.partition_point(|e| (e.cell as usize) < at));
-            part.moments.exact.extend(
-                exact[begin..end]
-                    .iter()
-                    .map(|e| ExactCell { cell: e.cell - row.first_cell + first, ..*e }),
-            );
-            let ends = words * range.start..words * range.end;
-            part.moments.ends.extend_from_slice(&self.moments.ends[ends]);
-            part.cells.extend_from_slice(&self.cells[range]);
-            part.cell_rows.push(CellRow { first_cell: first, ..*row });
+        let count = rows.iter().map(|row| row.cell_count).sum::<u32>();
+        let exact = self.moments.exact.iter();
+        let exact = exact.filter(|it| (first..first + count).contains(&it.cell));
+        let [from, to] = [first, first + count].map(|cell| cell as usize);
+        let moved = |row: &CellRow| CellRow { first_cell: row.first_cell - first, ..*row };
+        Self {
+            cell_rows: rows.iter().map(moved).collect(),
+            cells: self.cells[from..to].to_vec(),
+            moments: CellMoments {
+                ends: self.moments.ends[words * from..words * to].to_vec(),
+                exact: exact.map(|it| ExactCell { cell: it.cell - first, ..*it }).collect(),
+            },
+            ..Self::default()
         }
-        part
     }
+}
 
-    /// Cell rows whose sizes are within a factor of two side by side, those of neighbouring lines next to one another:
-    /// invocations of a subgroup wait for one another, and neighbours pass the same apertures.
-    pub(crate) fn balance(&mut self) {
-        self.cell_rows.sort_by_key(|s| std::cmp::Reverse(s.cell_count.ilog2()));
-    }
+/// Sorts cell rows so that those whose sizes are within a factor of two are side by side, and those of neighbouring lines
+/// next to one another: invocations of a subgroup wait for one another, and neighbours pass the same apertures.
+pub(crate) fn balance(cell_rows: &mut [CellRow]) {
+    cell_rows.sort_by_key(|row| std::cmp::Reverse(row.cell_count.ilog2()));
 }
 
 /// Joins a vector of all parts, which it takes out of them.

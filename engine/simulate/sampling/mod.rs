@@ -24,7 +24,7 @@ mod survey;
 mod view_context;
 mod windows;
 
-pub(crate) use cell_batch::{CellBatch, empty_cell_row, empty_cell_rows, lands_near};
+pub(crate) use cell_batch::{CellBatch, balance, empty_cell_row, empty_cell_rows, lands_near};
 pub(crate) use cell_moments::CellMoments;
 pub(crate) use error_budget::{ErrorBudget, SAFETY, safety, tally_of};
 pub(crate) use hardening::Hardening;

@@ -120,7 +120,6 @@ pub(super) fn sample_patches(
         };
         let (mut cells, empty) = emitter.cells(tracer, &sampled)?;
         cells.tally = sampled.tally;
-        cells.balance();
         done += some.len();
         advance(tracer, done);
         take(tracer, cells, empty)?;

@@ -4,7 +4,7 @@ use super::EnergyBinning;
 use super::bars::MaskTransmissionCache;
 use super::exact::ExactResults;
 use crate::illuminate::fit;
-use crate::sampling::CellBatch;
+use crate::sampling::{CellBatch, balance};
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::numbers::count;
@@ -71,9 +71,14 @@ pub(crate) struct Gatherer<'s> {
     params: Buffer,
     /// That the parameters point to.
     _constants: Buffer,
+    bars: MaskTransmissionCache,
+}
+
+/// Buffers of the work of a part of a batch.
+#[derive(Debug, Default)]
+pub(in crate::illuminate) struct GatherBuffers {
     inputs: Option<Buffer>,
     results: Option<Buffer>,
-    bars: MaskTransmissionCache,
 }
 
 impl<'s> Gatherer<'s> {
@@ -95,8 +100,6 @@ impl<'s> Gatherer<'s> {
             binning,
             params: device.upload("energies", &[params])?,
             _constants: constants,
-            inputs: None,
-            results: None,
             bars: MaskTransmissionCache::default(),
         })
     }
@@ -123,8 +126,9 @@ impl<'s> Gatherer<'s> {
         }
         self.bars.set_places(binning, &cells.cell_rows);
         let apart: Vec<bool> = self.bars.iter().map(|it| it.apart).collect();
-        let mut all: Vec<(CellRow, usize, bool)> = cells
-            .cell_rows
+        let mut ordered = cells.cell_rows.clone();
+        balance(&mut ordered);
+        let mut all: Vec<(CellRow, usize, bool)> = ordered
             .iter()
             .map(|row| (*row, self.bars.index(binning, row), binning.may_land_far(cells, row)))
             .collect();
@@ -154,8 +158,9 @@ impl<'s> Gatherer<'s> {
     /// # Errors
     /// [`beamlet_core::Error::Memory`].
     pub(in crate::illuminate) fn prepare<'u>(
-        &'u mut self,
+        &self,
         gathering: &'u Gathering<'_>,
+        buffers: &'u mut GatherBuffers,
         (gathered, gathered_rows): (&Buffer, &Buffer),
         uploads: &mut Vec<Upload<'u>>,
     ) -> Result<Dispatches> {
@@ -174,16 +179,17 @@ impl<'s> Gatherer<'s> {
         }))
         .collect();
         let bytes = inputs.iter().map(|it| it.len()).sum();
-        let buffer = fit::<u8>(&self.device, self.inputs.take(), "cells and moments", bytes)?;
         let size = cells.cells.len() * self.binning.nodes();
-        let results = self.results.take();
-        let results = fit::<EnergyResult>(&self.device, results, "results at energies", size)?;
-        let (inputs_kept, results) = (self.inputs.insert(buffer), self.results.insert(results));
+        let GatherBuffers { inputs: old_inputs, results } = buffers;
+        let buffer = fit::<u8>(&self.device, old_inputs.take(), "cells and moments", bytes)?;
+        let buffer = &*old_inputs.insert(buffer);
+        let old = results.take();
+        let results = &*results.insert(fit::<EnergyResult>(&self.device, old, "energies", size)?);
         let mut end = 0;
         let mut addresses = [0; 10];
         for (address, input) in addresses.iter_mut().zip(inputs) {
-            *address = inputs_kept.address() + end;
-            uploads.push(Upload::new(inputs_kept, end, input));
+            *address = buffer.address() + end;
+            uploads.push(Upload::new(buffer, end, input));
             end += input.len() as u64;
         }
         let [of_cells, moments, exact, rays, repeated, bars, of_rows @ ..] = addresses;

@@ -145,10 +145,14 @@ impl EnergyBinning {
     }
 }
 
-/// Constants of the energies for kernels, and behind them the mean ones, with the number of moments of variances.
+/// Constants of the energies for kernels, and behind them the mean ones, with the number of moments of variances: of each
+/// pair of materials where surfaces are rough, and of each material where some scatter.
 fn constants(media: &MaterialTable, reference: &[Constants]) -> (Vec<f32>, u32) {
-    let pairs = refracting_pairs(media);
-    let words = pairs.iter().map(|(_, word)| *word).chain(media.scattering_words());
+    let (materials, scattering) = (media.names.len(), media.scattering_words());
+    let words = (materials * MOMENTS_PER_MATERIAL..scattering.start).step_by(MOMENTS_PER_PAIR);
+    let all_pairs = (1..materials).flat_map(|b| (0..b).map(move |a| [a, b]));
+    let pairs: Vec<([usize; 2], usize)> = all_pairs.zip(words.map(|word| word + 2)).collect();
+    let words = pairs.iter().map(|(_, word)| *word).chain(scattering.clone());
     let mut all: Vec<f64> = words.map(|word| word as f64).collect();
     let variances = count(all.len());
     let ratios = media.refraction_ratios(reference);
@@ -157,23 +161,7 @@ fn constants(media: &MaterialTable, reference: &[Constants]) -> (Vec<f32>, u32) 
         all.push(ratio);
         all.extend(node.iter().flat_map(|it| [it.mu, it.delta]));
         all.extend(pairs.iter().map(|([a, b], _)| (node[*a].delta - node[*b].delta).powi(2)));
-        if !media.scattering_words().is_empty() {
-            all.extend(node.iter().map(|it| it.scattering));
-        }
+        all.extend(node.iter().take(scattering.len()).map(|it| it.scattering));
     }
     (all.into_iter().map(single).collect(), variances)
-}
-
-/// Pairs of materials whose delta differs at an energy, where surfaces are rough, and the word of the variance of the
-/// displacement between them in the moments of a ray.
-fn refracting_pairs(media: &MaterialTable) -> Vec<([usize; 2], usize)> {
-    let materials = media.names.len();
-    let pairs = (1..materials).flat_map(|b| (0..b).map(move |a| [a, b]));
-    let words = materials * MOMENTS_PER_MATERIAL..media.scattering_words().start;
-    let refracts = |pair: &[usize; 2]| {
-        let [a, b] = pair.map(count);
-        media.largest_step(a, b) > 0.0
-    };
-    let with_words = pairs.zip(words.step_by(MOMENTS_PER_PAIR).map(|word| word + 2));
-    with_words.filter(|(pair, _)| refracts(pair)).collect()
 }

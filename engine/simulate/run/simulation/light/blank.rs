@@ -21,20 +21,19 @@ const TIMES: u32 = 3;
 /// Seconds after which they are not timed again.
 const SECONDS: f64 = 1.0;
 /// Mask steps that are illuminated for an estimate; others cost as much each.
-const STEPS: u32 = 128;
+pub(super) const STEPS: u32 = 128;
 
 /// Light through the masks alone, of each of some designs with one lattice.
 pub(super) struct Blank<'s> {
     designs: &'s [Simulation],
     /// Sums of each design.
-    cells: Vec<CellLight<'s>>,
+    cells: CellLight<'s>,
 }
 
 impl<'s> Blank<'s> {
     pub(super) fn new(designs: &'s [Simulation], cancel: &Cancel) -> Result<Self> {
         LazyKernel::make_all(&[CellLight::kernel(&designs[0])], cancel)?;
-        let cells = designs.iter().map(|design| CellLight::new(design, cancel));
-        Ok(Self { designs, cells: cells.collect::<Result<_>>()? })
+        Ok(Self { designs, cells: CellLight::new(designs, cancel)? })
     }
 }
 
@@ -48,13 +47,6 @@ impl CellLight<'_> {
         self.add_blank(lit.rows.start.max(direct.start)..lit.rows.end.min(direct.end))
     }
 
-    /// Illuminates a part of many mask steps from here on; number of the others for each of these.
-    pub(super) fn leave_out_steps(&mut self) -> f64 {
-        let all = self.steps();
-        self.limit_steps(all.min(STEPS));
-        f64::from(all) / f64::from(self.steps()) - 1.0
-    }
-
     /// Seconds that the light of a view without a sample takes: the least of a few, since some rows
     /// stand for all and a pause of the machine would count as often. `left_out`: mask steps for each illuminated one.
     ///
@@ -62,7 +54,7 @@ impl CellLight<'_> {
     /// As [`CellLight::add`].
     pub(super) fn blank_seconds(&mut self, simulation: &Simulation, left_out: f64) -> Result<f64> {
         let band = simulation.band_of(0);
-        self.begin(&band, 0)?;
+        self.begin(&band, &[0])?;
         let first = i64::from(band.start);
         let rows = first..i64::from(band.end).min(first + TIMED_ROWS);
         let share = simulation.grid_rows() as f64 / (rows.end - rows.start).max(1) as f64;
@@ -83,8 +75,7 @@ impl CellLight<'_> {
 impl Light for Blank<'_> {
     fn begin(&mut self, rows: &Range<u32>, view: Exposure) -> Result<()> {
         let list = |design: &Simulation| design.detector.optics().offsets.list_of(view);
-        let mut own = self.cells.iter_mut().zip(self.designs);
-        own.try_for_each(|(cells, design)| cells.begin(rows, list(design)))
+        self.cells.begin(rows, &self.designs.iter().map(list).collect::<Vec<_>>())
     }
 
     fn items_of_row(&self, pose: &Pose) -> u64 {
@@ -92,13 +83,12 @@ impl Light for Blank<'_> {
     }
 
     fn add(&mut self, _: &Pose, rows: &LitRows, _: Report<'_>) -> Result<Tally> {
-        let first = &self.designs[0];
-        self.cells.iter_mut().try_for_each(|cells| cells.add_undeflected(first, rows))?;
+        self.cells.add_undeflected(&self.designs[0], rows)?;
         Ok(Tally::default())
     }
 
     fn intensities(&self) -> Result<Vec<Array3<f32>>> {
-        self.cells.iter().map(CellLight::intensities).collect()
+        self.cells.intensities()
     }
 
     fn tally(&self) -> Tally {
@@ -106,13 +96,12 @@ impl Light for Blank<'_> {
     }
 
     fn seconds(&self) -> Seconds {
-        let illuminate = self.cells.iter().map(CellLight::seconds).sum();
-        Seconds { illuminate, ..Seconds::default() }
+        Seconds { illuminate: self.cells.seconds(), ..Seconds::default() }
     }
 
     fn estimate(&mut self) -> Result<RunEstimate> {
-        let (first, cells) = (&self.designs[0], &mut self.cells[0]);
-        let left_out = cells.leave_out_steps();
+        let (first, cells) = (&self.designs[0], &mut self.cells);
+        let left_out = cells.leave_out_steps(STEPS);
         let blank = cells.blank_seconds(first, left_out)?;
         let seconds = (first.pose_count() + 1.0) * blank;
         Ok(RunEstimate { seconds, ..RunEstimate::default() })

@@ -13,69 +13,61 @@ use ndarray::Array3;
 use std::ops::Range;
 use std::time::Instant;
 
-/// Sums of the light of cells in a band of rows.
+/// Sums of the light of cells in a band of rows, of each of some designs with one lattice.
 pub(super) struct CellLight<'s> {
     lattice: &'s Lattice,
-    /// Gathers energies.
-    gatherer: Option<Gatherer<'s>>,
-    /// One for each list of cells.
-    lights: Vec<IlluminationBuffer>,
-    sums: PixelSums,
+    designs: Vec<DesignLight<'s>>,
     illuminator: CellIlluminator,
-    /// Mask steps that are illuminated.
-    steps: u32,
     /// Seconds of illumination, and of the host's part of gathering energies.
     pub(super) illumination: f64,
     gathering: f64,
 }
 
-impl<'s> CellLight<'s> {
-    /// Light of cells at the mean of a spectrum.
-    ///
-    /// # Errors
-    /// Of the device or memory.
-    pub(super) fn new(simulation: &'s Simulation, cancel: &Cancel) -> Result<Self> {
-        let Some(spectrum) = simulation.light.spectrum() else {
-            return Self::by_energy(simulation, cancel);
-        };
-        let (scene, media) = (&simulation.scene, &simulation.media);
-        let optics = simulation.detector.optics();
-        let lights = spectrum.energies.lights(simulation.device(), scene, optics, media)?;
-        let gatherer = Gatherer::new(simulation.device(), &spectrum.energies)?;
-        Self::with(simulation, lights, Some(gatherer), cancel)
-    }
+/// Sums of the light of a design.
+struct DesignLight<'s> {
+    /// Gathers energies.
+    gatherer: Option<Gatherer<'s>>,
+    /// One for each list of cells.
+    lights: Vec<IlluminationBuffer>,
+    sums: PixelSums,
+    /// Mask steps that are illuminated.
+    steps: u32,
+}
 
-    /// Light of cells of each energy.
-    ///
-    /// # Errors
-    /// Of the device or memory.
-    pub(super) fn by_energy(simulation: &'s Simulation, cancel: &Cancel) -> Result<Self> {
-        let (device, lattice) = (simulation.device(), &simulation.lattice);
-        let (scene, optics) = (&simulation.scene, simulation.detector.optics());
-        let bands = SpectralBand::nodes(&simulation.media);
-        let lights = bands
-            .map(|band| IlluminationBuffer::of_cells(device, scene, optics, lattice, &band))
-            .collect::<Result<_>>()?;
-        Self::with(simulation, lights, None, cancel)
-    }
-
-    fn with(
-        simulation: &'s Simulation,
-        lights: Vec<IlluminationBuffer>,
-        gatherer: Option<Gatherer<'s>>,
-        cancel: &Cancel,
-    ) -> Result<Self> {
+impl<'s> DesignLight<'s> {
+    fn new(simulation: &'s Simulation) -> Result<Self> {
+        let energies = simulation.light.spectrum().map(|spectrum| &spectrum.energies);
         let (device, optics) = (simulation.device(), simulation.detector.optics());
+        let (scene, media, lattice) = (&simulation.scene, &simulation.media, &simulation.lattice);
+        let lights = match energies {
+            Some(energies) => energies.lights(device, scene, optics, media)?,
+            None => SpectralBand::nodes(media)
+                .map(|band| IlluminationBuffer::of_cells(device, scene, optics, lattice, &band))
+                .collect::<Result<_>>()?,
+        };
         let columns = optics.detector.pixels[0] as usize;
         let (steps, rows) = (optics.mask_steps(), simulation.most_lit_rows());
-        let kernels = simulation.simulator.illuminate_kernels();
         Ok(Self {
-            lattice: &simulation.lattice,
-            gatherer,
+            gatherer: energies.map(|energies| Gatherer::new(device, energies)).transpose()?,
             lights,
             sums: PixelSums::new(device, steps, rows, columns)?,
-            illuminator: CellIlluminator::new(device, kernels, cancel),
             steps: numbers::count(steps),
+        })
+    }
+}
+
+impl<'s> CellLight<'s> {
+    /// Light of cells of designs: at the mean of a spectrum whose energies are gathered, else of each energy.
+    ///
+    /// # Errors
+    /// Of the device or memory.
+    pub(super) fn new(designs: &'s [Simulation], cancel: &Cancel) -> Result<Self> {
+        let first = &designs[0];
+        let kernels = first.simulator.illuminate_kernels();
+        Ok(Self {
+            lattice: &first.lattice,
+            designs: designs.iter().map(DesignLight::new).collect::<Result<_>>()?,
+            illuminator: CellIlluminator::new(first.device(), kernels, cancel),
             illumination: 0.0,
             gathering: 0.0,
         })
@@ -84,16 +76,18 @@ impl<'s> CellLight<'s> {
     /// The kernel of most cells.
     pub(super) fn kernel(simulation: &Simulation) -> &LazyKernel {
         let edges = ApertureEdges::of(simulation.detector.optics());
-        simulation.simulator.illuminate_kernels().usual(edges)
+        simulation.simulator.illuminate_kernels().of(edges, false)
     }
 
-    /// Begins sums of rows at a list of mask offsets.
+    /// Begins sums of rows at a list of mask offsets of each design.
     ///
     /// # Errors
     /// Of the device.
-    pub(super) fn begin(&mut self, rows: &Range<u32>, list: usize) -> Result<()> {
-        let uploads = self.lights.iter_mut().map(|light| light.set_band(rows, list));
-        self.sums.clear(rows, &uploads.collect::<Vec<_>>())
+    pub(super) fn begin(&mut self, rows: &Range<u32>, lists: &[usize]) -> Result<()> {
+        self.designs.iter_mut().zip(lists).try_for_each(|(design, list)| {
+            let uploads = design.lights.iter_mut().map(|light| light.set_band(rows, *list));
+            design.sums.clear(rows, &uploads.collect::<Vec<_>>())
+        })
     }
 
     /// Seconds of illumination and of gathering energies.
@@ -101,14 +95,12 @@ impl<'s> CellLight<'s> {
         self.illumination + self.gathering
     }
 
-    /// Mask steps that are illuminated.
-    pub(super) const fn steps(&self) -> u32 {
-        self.steps
-    }
-
-    /// Illuminates the first mask steps only.
-    pub(super) const fn limit_steps(&mut self, steps: u32) {
-        self.steps = steps;
+    /// Illuminates the first mask steps of the first design from here on, at most this many; number of the others for
+    /// each of these.
+    pub(super) fn leave_out_steps(&mut self, most: u32) -> f64 {
+        let steps = &mut self.designs[0].steps;
+        let all = std::mem::replace(steps, most.min(*steps));
+        f64::from(all) / f64::from(*steps) - 1.0
     }
 
     /// Adds the light of cells; `tracer`: `None` for cells without a sample.
@@ -116,16 +108,19 @@ impl<'s> CellLight<'s> {
     /// # Errors
     /// Of the device or memory; [`beamlet_core::Error::Interrupted`].
     pub(super) fn add(&mut self, tracer: Option<&Tracer>, cells: &CellBatch) -> Result<()> {
-        let Some(gatherer) = &mut self.gatherer else {
+        if self.designs.iter().all(|design| design.gatherer.is_none()) {
             return self.add_lists(std::slice::from_ref(cells));
-        };
-        for part in cells.parts(gatherer.cells_at_once()) {
-            let begin = Instant::now();
-            let gathering = gatherer.plan(tracer, &part)?;
-            self.gathering += begin.elapsed().as_secs_f64();
-            let (begin, lights) = (Instant::now(), &self.lights);
-            self.illuminator.add_gathered(gatherer, &gathering, lights, &self.sums, self.steps)?;
-            self.illumination += begin.elapsed().as_secs_f64();
+        }
+        for DesignLight { gatherer, lights, sums, steps } in &mut self.designs {
+            let Some(gatherer) = gatherer else { continue };
+            for part in cells.parts(gatherer.cells_at_once()) {
+                let begin = Instant::now();
+                let gathering = gatherer.plan(tracer, &part)?;
+                self.gathering += begin.elapsed().as_secs_f64();
+                let begin = Instant::now();
+                self.illuminator.add_gathered(gatherer, &gathering, lights, sums, *steps)?;
+                self.illumination += begin.elapsed().as_secs_f64();
+            }
         }
         Ok(())
     }
@@ -138,22 +133,24 @@ impl<'s> CellLight<'s> {
         self.add(None, &sampling::empty_cell_rows(self.lattice, rows))
     }
 
-    /// Adds the light of lists of cells, one for each record of light.
+    /// Adds the light of lists of cells, one for each energy.
     ///
     /// # Errors
     /// As [`CellLight::add`].
     pub(super) fn add_lists(&mut self, lists: &[CellBatch]) -> Result<()> {
         let begin = Instant::now();
-        self.illuminator.add(self.lights.iter().zip(lists), &self.sums, self.steps)?;
+        for DesignLight { lights, sums, steps, .. } in &self.designs {
+            self.illuminator.add(lights, lists, sums, *steps)?;
+        }
         self.illumination += begin.elapsed().as_secs_f64();
         Ok(())
     }
 
-    /// The sums, `[step][row][column]`.
+    /// The sums of each design, `[step][row][column]`.
     ///
     /// # Errors
     /// Of the device or memory.
-    pub(super) fn intensities(&self) -> Result<Array3<f32>> {
-        self.sums.intensities()
+    pub(super) fn intensities(&self) -> Result<Vec<Array3<f32>>> {
+        self.designs.iter().map(|design| design.sums.intensities()).collect()
     }
 }

@@ -23,7 +23,7 @@ pub(super) struct Lines<'s> {
     pub(super) simulation: &'s Simulation,
     pub(super) tracer: Tracer,
     /// Sums of each design.
-    pub(super) cells: Vec<CellLight<'s>>,
+    pub(super) cells: CellLight<'s>,
     room: Room,
     /// Index of the list of mask offsets in work, of each design.
     lists: Vec<usize>,
@@ -40,12 +40,11 @@ impl<'s> Lines<'s> {
         tracer.set_cancel(cancel.clone());
         let [walk, exact] = tracer.wanted_kernels();
         LazyKernel::make_all(&[exact, walk, CellLight::kernel(simulation)], cancel)?;
-        let cells = designs.iter().map(|design| CellLight::new(design, cancel));
         Ok(Self {
             designs,
             simulation,
             tracer,
-            cells: cells.collect::<Result<_>>()?,
+            cells: CellLight::new(designs, cancel)?,
             room: simulation.room(),
             lists: vec![0; designs.len()],
             responses: Responses::new(designs.iter().map(|it| it.response.clone()).collect()),
@@ -62,10 +61,7 @@ impl Light for Lines<'_> {
             self.responses = Simulation::responses(self.designs, view);
             self.lists = lists;
         }
-        self.cells
-            .iter_mut()
-            .zip(&self.lists)
-            .try_for_each(|(cells, list)| cells.begin(rows, *list))
+        self.cells.begin(rows, &self.lists)
     }
 
     fn items_of_row(&self, pose: &Pose) -> u64 {
@@ -77,14 +73,14 @@ impl Light for Lines<'_> {
         let Self { simulation, tracer, cells, .. } = self;
         let mut tally = Tally::default();
         if pose.shadows.is_empty() {
-            cells.iter_mut().try_for_each(|cells| cells.add_undeflected(simulation, rows))?;
+            cells.add_undeflected(simulation, rows)?;
         } else {
             let lit = rows.direct(&simulation.lattice);
             let view = simulation.pose_context(pose, &self.responses);
             let mut add = |tracer: &mut Tracer, batch: &CellBatch| {
                 tally.landed_off += batch.landed_off;
                 tally = tally + batch.tally;
-                cells.iter_mut().try_for_each(|cells| cells.add(Some(tracer), batch))
+                cells.add(Some(tracer), batch)
             };
             let mut advance = |tracer: &Tracer, part| report(tracer.rays_traced(), part);
             let lit = (&lit, &self.room);
@@ -95,7 +91,7 @@ impl Light for Lines<'_> {
     }
 
     fn intensities(&self) -> Result<Vec<Array3<f32>>> {
-        self.cells.iter().map(CellLight::intensities).collect()
+        self.cells.intensities()
     }
 
     fn tally(&self) -> Tally {
@@ -103,7 +99,7 @@ impl Light for Lines<'_> {
     }
 
     fn seconds(&self) -> Seconds {
-        let illuminate = self.cells.iter().map(CellLight::seconds).sum::<f64>();
+        let illuminate = self.cells.seconds();
         Seconds { trace: self.seconds - illuminate, illuminate, ..Seconds::default() }
     }
 

@@ -2,6 +2,7 @@
 //! are sampled and illuminated as in a run, and represent the others.
 
 use super::Pose;
+use super::blank::STEPS;
 use super::lines::Lines;
 use crate::run::RunEstimate;
 use crate::sampling::{self, CellBatch, PATCHES_AT_ONCE, Responses, RowsCost};
@@ -53,8 +54,8 @@ struct Choice {
 impl Lines<'_> {
     /// Estimates rays, time and errors of a run.
     pub(super) fn survey(&mut self) -> Result<RunEstimate> {
-        let left_out = self.cells[0].leave_out_steps();
-        let blank = self.cells[0].blank_seconds(self.simulation, left_out)?;
+        let left_out = self.cells.leave_out_steps(STEPS);
+        let blank = self.cells.blank_seconds(self.simulation, left_out)?;
         let looks = self.looks(left_out)?;
         let views = self.simulation.pose_count();
         let count = looks.len().max(1) as f64;
@@ -181,9 +182,9 @@ impl Lines<'_> {
         let mut view = simulation.pose_context(pose, &responses);
         view.budget.audit = 0.0;
         let mut add = |tracer: &mut Tracer, batch: &CellBatch| {
-            let before = cells[0].illumination;
-            cells[0].add(Some(tracer), batch)?;
-            Ok(choice.steps_left_out * (cells[0].illumination - before))
+            let before = cells.illumination;
+            cells.add(Some(tracer), batch)?;
+            Ok(choice.steps_left_out * (cells.illumination - before))
         };
         let Choice { most, start, .. } = choice;
         sampling::survey_rows(&view, tracer, rows, &lit, (most, start), &mut add)
@@ -192,7 +193,7 @@ impl Lines<'_> {
     /// Begins the sums of the band with a row of the grid; rows of the band.
     fn begin_band(&mut self, row: i64) -> Result<Range<i64>> {
         let band = self.simulation.band_of(row);
-        self.cells[0].begin(&band, 0)?;
+        self.cells.begin(&band, &[0])?;
         Ok(band.start.into()..band.end.into())
     }
 }

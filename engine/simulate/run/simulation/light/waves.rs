@@ -57,7 +57,7 @@ impl<'s> Waves<'s> {
             plans,
             tracer,
             band: WaveBand::new(simulation.device(), plans, kernels, columns)?,
-            grazing: CellLight::by_energy(simulation, cancel)?,
+            grazing: CellLight::new(std::slice::from_ref(simulation), cancel)?,
             grazing_cells: 0,
             list: 0,
             seconds: 0.0,
@@ -94,7 +94,7 @@ impl Light for Waves<'_> {
         self.list = self.simulation.detector.optics().offsets.list_of(view);
         self.grazing_cells = 0;
         self.band.begin(rows, self.list)?;
-        self.grazing.begin(rows, self.list)
+        self.grazing.begin(rows, &[self.list])
     }
 
     fn items_of_row(&self, pose: &Pose) -> u64 {
@@ -115,9 +115,11 @@ impl Light for Waves<'_> {
     }
 
     fn intensities(&self) -> Result<Vec<Array3<f32>>> {
-        let light = self.band.intensities()?;
-        let is_grazing = self.grazing_cells > 0;
-        Ok(vec![if is_grazing { light + self.grazing.intensities()? } else { light }])
+        let mut light = self.band.intensities()?;
+        if self.grazing_cells > 0 {
+            self.grazing.intensities()?.iter().for_each(|of_cells| light += of_cells);
+        }
+        Ok(vec![light])
     }
 
     fn tally(&self) -> Tally {
