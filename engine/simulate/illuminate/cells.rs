@@ -1,17 +1,18 @@
 //! Illuminates cell rows of cells at every mask step.
 
 use super::fill::items_each;
-use super::fit::fit;
+use super::fit::GrowingBuffer;
 use super::light::{ApertureEdges, IlluminationBuffer};
 use super::row_parts::parts_of;
-use super::spectral::{Dispatches, GatherBuffers, Gatherer, Gathering};
+use super::spectral::{Dispatches, Gatherer, Gathering};
 use super::sums::PixelSums;
 use crate::sampling::{CellBatch, balance, lands_near};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::{Result, numbers};
 use beamlet_gpu::{Buffer, Device, DeviceKind, LazyKernel, Pace, Recorder, Upload, push_bytes};
 use beamlet_interface::{
-    Address, Cell, CellRow, CellRowPart, EnergiesPush, GROUP, GatherPush, IlluminatePush,
+    Address, Cell, CellRow, CellRowPart, EnergiesPush, EnergyResult, GROUP, GatherPush,
+    IlluminatePush,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -67,21 +68,17 @@ const CELLS_TOGETHER: usize = 1 << 16;
 /// light along z, one takes milliseconds on a processor.
 const SIZES: [u32; 3] = [1 << 16, 256, 1 << 26];
 
-/// Buffers of cells, cell rows and their parts.
-#[derive(Debug)]
-struct CellBuffers {
-    cells: Buffer,
-    cell_rows: Buffer,
-    parts: Buffer,
-}
-
 /// Illuminates cells.
 #[derive(Debug)]
 pub(crate) struct CellIlluminator {
     device: Arc<Device>,
     kernels: Arc<CellKernels>,
-    buffers: Option<CellBuffers>,
-    gather_buffers: GatherBuffers,
+    cells: GrowingBuffer,
+    cell_rows: GrowingBuffer,
+    parts: GrowingBuffer,
+    /// Inputs of gathering, and results at energies.
+    inputs: GrowingBuffer,
+    results: GrowingBuffer,
     /// Parts of cell rows times steps of a submission.
     pace: Pace,
     /// Dispatches of the next submission, and their cost.
@@ -106,8 +103,11 @@ impl CellIlluminator {
         Self {
             device: device.clone(),
             kernels: kernels.clone(),
-            buffers: None,
-            gather_buffers: GatherBuffers::default(),
+            cells: GrowingBuffer::new(device, "cells"),
+            cell_rows: GrowingBuffer::new(device, "cell rows"),
+            parts: GrowingBuffer::new(device, "parts of cell rows"),
+            inputs: GrowingBuffer::new(device, "cells and moments"),
+            results: GrowingBuffer::new(device, "results of cells at energies"),
             pace: Pace::new(SIZES[0] >> if is_cpu { 6 } else { 0 }, SIZES[1], SIZES[2]),
             planned: Vec::new(),
             gathering: None,
@@ -152,17 +152,14 @@ impl CellIlluminator {
         if ordered.is_empty() {
             return Ok(());
         }
-        let buffers = self.fit([cells, ordered.len(), parts.len()])?;
-        let mut uploads = vec![Upload::new(&buffers.cell_rows, 0, &ordered)];
+        let buffers = self.fit(cells, ordered.len())?;
+        let mut uploads = vec![Upload::new(&buffers[1], 0, &ordered)];
         let mut at = 0;
         for list in lists {
-            uploads.push(Upload::new(&buffers.cells, at, &list.cells));
+            uploads.push(Upload::new(&buffers[0], at, &list.cells));
             at += size_of_val(&list.cells[..]) as u64;
         }
-        self.illuminate(&buffers, (&pieces, &parts), (sums, steps), &mut uploads)?;
-        drop(uploads);
-        self.buffers = Some(buffers);
-        Ok(())
+        self.illuminate(&buffers, (&pieces, &parts), (sums, steps), uploads)
     }
 
     /// Adds the light of all energies of cells to the sums, at `steps` mask steps. `lights`: of the lists of the gatherer.
@@ -179,64 +176,52 @@ impl CellIlluminator {
     ) -> Result<()> {
         let (mut parts, mut pieces, mut first_row) = (Vec::new(), Vec::new(), 0);
         for rows in &gathering.rows {
-            let [near, far] = rows.near_and_far();
-            let near_parts = add_parts(&mut parts, near, false);
-            let far_parts = add_parts(&mut parts, far, true);
+            let all = add_parts(&mut parts, &rows.cell_rows, false);
+            let far = add_parts(&mut parts, &rows.cell_rows[..rows.far], true);
             for light in &lights[rows.lists.clone()] {
-                let of = [
-                    (light.rows_apart(), &near_parts, 0),
-                    (true, &far_parts, rows.cell_rows.len()),
-                ];
-                pieces.extend(of.map(|(far, parts, behind)| {
-                    let (parts, first_row) = (parts.clone(), first_row + behind);
-                    DispatchPart { light, far, parts, first_row }
-                }));
+                let mut add = |parts: &Range<u32>, far, first_row| {
+                    pieces.push(DispatchPart { light, far, parts: parts.clone(), first_row });
+                };
+                add(&all, light.rows_apart(), first_row);
+                add(&far, true, first_row + rows.cell_rows.len());
                 first_row += rows.rows_of_list();
             }
         }
-        let buffers = self.fit([gathering.places, first_row, parts.len()])?;
+        let buffers = self.fit(gathering.places, first_row)?;
         let mut uploads = Vec::new();
-        let into = (&buffers.cells, &buffers.cell_rows);
-        let mut gather_buffers = std::mem::take(&mut self.gather_buffers);
-        let dispatches = gatherer.prepare(gathering, &mut gather_buffers, into, &mut uploads)?;
-        self.gathering = Some(dispatches);
-        self.illuminate(&buffers, (&pieces, &parts), (sums, steps), &mut uploads)?;
-        drop(uploads);
-        (self.buffers, self.gather_buffers) = (Some(buffers), gather_buffers);
-        Ok(())
+        let inputs = self.inputs.fit::<u8>(gathering.bytes())?;
+        let inputs = [inputs, self.results.fit::<EnergyResult>(gathering.results)?];
+        self.gathering = Some(gatherer.prepare(gathering, &inputs, &buffers, &mut uploads));
+        self.illuminate(&buffers, (&pieces, &parts), (sums, steps), uploads)
     }
 
-    /// Buffers for this many cells, cell rows and parts of these.
-    fn fit(&mut self, counts: [usize; 3]) -> Result<CellBuffers> {
-        let [cells, cell_rows, parts] = counts.map(|count| count.max(CELLS_TOGETHER));
-        let old = self.buffers.take().map(|it| [it.cells, it.cell_rows, it.parts].map(Some));
-        let [old_cells, old_rows, old_parts] = old.unwrap_or_default();
-        Ok(CellBuffers {
-            cells: fit::<Cell>(&self.device, old_cells, "cells", cells)?,
-            cell_rows: fit::<CellRow>(&self.device, old_rows, "cell rows", cell_rows)?,
-            parts: fit::<CellRowPart>(&self.device, old_parts, "parts of cell rows", parts)?,
-        })
+    /// Buffers of this many cells, and of cell rows.
+    fn fit(&mut self, cells: usize, cell_rows: usize) -> Result<[Arc<Buffer>; 2]> {
+        let [cells, cell_rows] = [cells, cell_rows].map(|count| count.max(CELLS_TOGETHER));
+        Ok([self.cells.fit::<Cell>(cells)?, self.cell_rows.fit::<CellRow>(cell_rows)?])
     }
 
     /// Illuminates pieces, after uploads.
-    fn illuminate<'u>(
+    fn illuminate(
         &mut self,
-        buffers: &'u CellBuffers,
-        (pieces, parts): (&[DispatchPart<'_>], &'u [CellRowPart]),
+        [cells, cell_rows]: &[Arc<Buffer>; 2],
+        (pieces, parts): (&[DispatchPart<'_>], &[CellRowPart]),
         (sums, steps): (&PixelSums, u32),
-        uploads: &mut Vec<Upload<'u>>,
+        uploads: Vec<Upload<'_>>,
     ) -> Result<()> {
-        uploads.push(Upload::new(&buffers.parts, 0, parts));
+        let buffer = self.parts.fit::<CellRowPart>(parts.len().max(CELLS_TOGETHER))?;
+        let mut uploads: Vec<Upload<'_>> = uploads;
+        uploads.push(Upload::new(&buffer, 0, parts));
         let template = IlluminatePush {
-            parts: buffers.parts.address(),
-            cell_rows: buffers.cell_rows.address(),
-            cells: buffers.cells.address(),
+            parts: buffer.address(),
+            cell_rows: cell_rows.address(),
+            cells: cells.address(),
             sums: sums.buffer.address(),
             steps,
             ..bytemuck::Zeroable::zeroed()
         };
-        pieces.iter().try_for_each(|piece| self.plan(piece, template, steps, uploads))?;
-        self.run(uploads)
+        pieces.iter().try_for_each(|piece| self.plan(piece, template, steps, &mut uploads))?;
+        self.run(&mut uploads)
     }
 
     /// Plans the dispatches of a piece; runs those before it as they fill a submission. The first has the

@@ -11,7 +11,7 @@ mod spectral;
 mod sums;
 
 pub(crate) use cells::{CellIlluminator, CellKernels};
-pub(crate) use fit::fit;
+pub(crate) use fit::GrowingBuffer;
 pub(crate) use light::{ApertureEdges, IlluminationBuffer, SpectralBand, alike_rows};
 pub(crate) use random::{RandomBatch, RandomIlluminator, RandomKernels};
 pub(crate) use spectral::{EnergyBinning, Gatherer};

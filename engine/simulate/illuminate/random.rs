@@ -1,12 +1,12 @@
 //! The random scheme: rays made, traced and illuminated on the device.
 
 use super::fill::items_each;
-use super::fit::fit;
+use super::fit::GrowingBuffer;
 use super::light::{ApertureEdges, IlluminationBuffer};
 use super::sums::PixelSums;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
-use beamlet_gpu::{Buffer, Device, Kernel, LazyKernel, Pace, Recorder, Upload, push_bytes};
+use beamlet_gpu::{Device, Kernel, LazyKernel, Pace, Recorder, Upload, push_bytes};
 use beamlet_interface::{GROUP, Pixel, RANDOM_STEPS, RandomLightPush, RandomRaysPush};
 use beamlet_model::optics::Optics;
 use beamlet_model::scene::RandomRays;
@@ -70,7 +70,7 @@ pub(crate) struct RandomBatch<'a> {
 pub(crate) struct RandomIlluminator {
     device: Arc<Device>,
     kernels: Arc<RandomKernels>,
-    pixels: Option<Buffer>,
+    pixels: GrowingBuffer,
     seed: [u32; 2],
     /// As in [`RandomLightPush`].
     rays_per_pixel: [u32; 2],
@@ -88,7 +88,7 @@ impl RandomIlluminator {
         Self {
             device: device.clone(),
             kernels: kernels.clone(),
-            pixels: None,
+            pixels: GrowingBuffer::new(device, "pixels"),
             seed: [numbers::low_word(seed), numbers::high_word(seed)],
             rays_per_pixel: match rays {
                 RandomRays::Count(count) => [count, 0],
@@ -115,7 +115,7 @@ impl RandomIlluminator {
         let kernels = self.kernels.clone();
         let [rays_kernel, light_kernel] = kernels.all(light.edges());
         let (rays_kernel, light_kernel) = (rays_kernel.get()?, light_kernel.get()?);
-        let buffer = fit::<Pixel>(&self.device, self.pixels.take(), "pixels", job.pixels.len())?;
+        let buffer = self.pixels.fit::<Pixel>(job.pixels.len())?;
         // The first submission takes all pixels along.
         let mut uploads = &[Upload::new(&buffer, 0, job.pixels)][..];
         let template = RandomLightPush {
@@ -174,7 +174,6 @@ impl RandomIlluminator {
         if let Some(before) = &traced {
             self.device.run(|r| self.light(r, light_kernel, before))?;
         }
-        self.pixels = Some(buffer);
         Ok(())
     }
 

@@ -25,7 +25,7 @@ use beamlet_model::optics::MaskShape;
 use edges::SharedEdges;
 
 pub(crate) use gatherer::Gatherer;
-pub(super) use gatherer::{Dispatches, GatherBuffers, Gathering};
+pub(super) use gatherer::{Dispatches, Gathering};
 
 /// Groups with less light than this, of open beam, are left out, and nodes at the ends of the
 /// spectrum with less in a group.
@@ -83,21 +83,14 @@ impl EnergyBinning {
     }
 
     /// True if light of a cell row may land farther than in its row and the two beside it, at any energy: by a bound of
-    /// the displacement along z of rays of first order.
-    fn may_land_far(&self, cells: &CellBatch, cell_row: &CellRow) -> bool {
-        if self.lattice.heights {
-            return false;
-        }
-        let range = cell_row.first_cell..cell_row.first_cell + cell_row.cell_count;
-        let exact = &cells.moments.exact;
-        if exact[exact.partition_point(|it| it.cell < range.start)..]
-            .first()
-            .is_some_and(|it| range.contains(&it.cell))
-        {
-            return true;
-        }
+    /// the displacement along z of rays of first order. `exact`: of each cell, not 0 of one that was traced exactly.
+    fn may_land_far(&self, cells: &CellBatch, exact: &[u32], cell_row: &CellRow) -> bool {
         let words = 2 * self.params.moment_words as usize;
-        let [first, end] = [range.start, range.end].map(|cell| cell as usize * words);
+        let first = cell_row.first_cell as usize;
+        let end = first + cell_row.cell_count as usize;
+        if self.lattice.heights || exact[first..end].iter().any(|number| *number != 0) {
+            return !self.lattice.heights;
+        }
         let gap = f64::from(self.params.gap);
         let farthest = |ray: &[f32]| {
             let materials = ray.chunks(MOMENTS_PER_MATERIAL).zip(&self.strongest);
@@ -107,7 +100,7 @@ impl EnergyBinning {
             };
             materials.map(of).sum::<f64>()
         };
-        let ends = cells.moments.ends.get(first..end).unwrap_or_default();
+        let ends = cells.moments.ends.get(words * first..words * end).unwrap_or_default();
         let rays = ends.chunks(words / 2);
         let down = rays.map(farthest).fold(0.0, f64::max) / f64::from(self.params.row_pitch);
         let [top, bottom] = [cell_row.top, cell_row.bottom].map(f64::from);

@@ -163,21 +163,19 @@ fn reach_of(cell_row: CellRow, cells: &[Cell]) -> CellRow {
     cell_row
 }
 
-/// Cell rows of all beamlets without a sample: one cell each.
+/// Cells of all beamlets without a sample: one in each.
 #[must_use]
 pub(crate) fn empty_cell_rows(lattice: &Lattice, rows: Range<i64>) -> CellBatch {
     let first = lattice.beamlets.start;
     let places = rows.flat_map(|row| lattice.direct.clone().map(move |k| (k - first, row)));
-    blank_cells(lattice, places.collect())
+    blank_cells(lattice, &blank_cell_rows(lattice, places.collect()))
 }
 
-/// Cells without a sample at places (column, row).
-pub(crate) fn blank_cells(lattice: &Lattice, places: Vec<(i64, i64)>) -> CellBatch {
+/// Cell rows without a sample, of one cell each.
+pub(crate) fn blank_cells(lattice: &Lattice, cell_rows: &[CellRow]) -> CellBatch {
     let mut out = CellBatch::default();
-    let cell = empty_cell(lattice);
-    for cell_row in blank_cell_rows(lattice, places) {
-        out.push(cell_row, &[cell], &CellMoments::default());
-    }
+    let cell = [empty_cell(lattice)];
+    cell_rows.iter().for_each(|row| out.push(*row, &cell, &CellMoments::default()));
     out
 }
 
@@ -208,7 +206,7 @@ pub(crate) fn empty_cell_row(column: i64, row: i64) -> CellRow {
     }
 }
 
-pub(crate) fn empty_cell(lattice: &Lattice) -> Cell {
+fn empty_cell(lattice: &Lattice) -> Cell {
     let half = single(lattice.period / 2.0);
     let [share_above, share_below] =
         if lattice.heights { [0.0; 2] } else { lattice.row_shares(0.0, 1.0, 0.0) };

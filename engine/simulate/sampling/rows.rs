@@ -1,7 +1,6 @@
 //! Cells of some rows of a view: lines or rays of each patch, and the resulting cells.
 
-use super::cell_batch::{CellBatch, blank_cell_rows, empty_cell};
-use super::cell_moments::CellMoments;
+use super::cell_batch::{CellBatch, blank_cell_rows, blank_cells};
 use super::emission::Emitter;
 use super::lattice::Lattice;
 use super::room::Room;
@@ -77,15 +76,9 @@ fn take_blank(
 ) -> Result<()> {
     let Lattice { direct, beamlets, .. } = view.lattice;
     blank.retain(|(column, row)| lit.contains(row) && direct.contains(&(column + beamlets.start)));
-    let cell = empty_cell(view.lattice);
-    for cell_rows in blank_cell_rows(view.lattice, blank).chunks(PATCHES_AT_ONCE) {
-        let mut part = CellBatch::default();
-        cell_rows
-            .iter()
-            .for_each(|cell_row| part.push(*cell_row, &[cell], &CellMoments::default()));
-        take(tracer, &part)?;
-    }
-    Ok(())
+    let cell_rows = blank_cell_rows(view.lattice, blank);
+    let mut parts = cell_rows.chunks(PATCHES_AT_ONCE);
+    parts.try_for_each(|part| take(tracer, &blank_cells(view.lattice, part)))
 }
 
 /// Receives the cells of some patches, and the places (column, row) of patches that miss the sample.

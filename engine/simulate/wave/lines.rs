@@ -4,7 +4,7 @@ use super::grazing::{GrazingLight, GrazingPart, Share};
 use super::kernels::WaveKernels;
 use super::line::{Line, LineRays};
 use super::plan::WavePlan;
-use crate::illuminate::fit;
+use crate::illuminate::GrowingBuffer;
 use crate::lines::{Heights, Judged, Values};
 use crate::sampling::Lattice;
 use crate::trace::Tracer;
@@ -61,12 +61,12 @@ pub(super) struct Lines {
     device: Arc<Device>,
     plan: Arc<WavePlan>,
     kernels: Arc<WaveKernels>,
-    fields: Option<Buffer>,
+    fields: GrowingBuffer,
     /// Variances of materials that scatter, where the sample has any.
-    variances: Option<Buffer>,
-    sums: Option<Buffer>,
-    records: Option<Buffer>,
-    light: Option<Buffer>,
+    variances: GrowingBuffer,
+    sums: GrowingBuffer,
+    records: GrowingBuffer,
+    light: GrowingBuffer,
     offsets: Buffer,
     steps: u32,
 }
@@ -83,11 +83,11 @@ impl Lines {
             device: device.clone(),
             plan: plan.clone(),
             kernels: kernels.clone(),
-            fields: None,
-            variances: None,
-            sums: None,
-            records: None,
-            light: None,
+            fields: GrowingBuffer::new(device, "fields of lines"),
+            variances: GrowingBuffer::new(device, "variances of lines"),
+            sums: GrowingBuffer::new(device, "sums of pairs"),
+            records: GrowingBuffer::new(device, "records of lines"),
+            light: GrowingBuffer::new(device, "light of lines"),
             offsets: device.upload("offsets of lines", &lists)?,
             steps: numbers::count(plan.offsets[0].len()),
         })
@@ -147,14 +147,12 @@ impl Lines {
     /// Traces lines, and leaves the fields of all energies, `[energy][line][ray]`. Rays near grazing.
     fn trace(&mut self, tracer: &mut Tracer, lines: &LineRays<'_>) -> Result<Vec<usize>> {
         let (plan, all) = (self.plan.clone(), lines.count());
-        let fields = self.fields.take();
         let size = all * plan.energies as usize;
-        let fields = fit::<WaveField>(&self.device, fields, "fields of lines", size)?;
+        let fields = self.fields.fit::<WaveField>(size)?;
         if plan.laws > 0 {
-            let (before, size) = (self.variances.take(), size * plan.laws as usize);
-            self.variances = Some(fit::<f32>(&self.device, before, "variances of lines", size)?);
+            self.variances.fit::<f32>(size * plan.laws as usize)?;
         }
-        let variances = self.variances.as_ref().map_or(0, Buffer::address);
+        let variances = self.variances.get().map_or(0, Buffer::address);
         let kernel = self.kernels.field.get()?;
         let mut flagged = Vec::new();
         let mut first = 0;
@@ -187,13 +185,12 @@ impl Lines {
             flagged.extend(some.into_iter().map(|index| first + index));
             first += count;
         }
-        self.fields = Some(fields);
         Ok(flagged)
     }
 
     /// Takes shares of the light of rays out of the fields of `all` rays at each energy.
     fn take_out(&self, shares: &[Share], all: usize) -> Result<()> {
-        let Some(fields) = self.fields.as_ref().filter(|_| !shares.is_empty()) else {
+        let Some(fields) = self.fields.get().filter(|_| !shares.is_empty()) else {
             return Ok(());
         };
         let follows = |a: &Share, b: &Share| a.energy == b.energy && a.ray + 1 == b.ray;
@@ -227,10 +224,10 @@ impl Lines {
         let at_once = numbers::whole::<u32>((MOST_PRODUCTS / of_line).max(1) as f64);
         let parts = numbers::count(self.values()).div_ceil(GROUP);
         let device = self.device.clone();
-        let line_buffer = fit::<WaveLine>(&device, self.records.take(), "records of lines", count)?;
-        let light = fit::<f32>(&device, self.light.take(), "light of lines", values)?;
+        let line_buffer = self.records.fit::<WaveLine>(count)?;
+        let light = self.light.fit::<f32>(values)?;
         let room = at_once.min(numbers::count(count)) as usize * (parts * plan.rays) as usize;
-        let sums = fit::<WavePair>(&device, self.sums.take(), "sums of pairs", room)?;
+        let sums = self.sums.fit::<WavePair>(room)?;
         let template = WaveLinePush {
             lines: line_buffer.address(),
             fields: 0,
@@ -244,8 +241,8 @@ impl Lines {
         let field_bytes = (count * plan.rays as usize * size_of::<WaveField>()) as u64;
         let variance_bytes =
             u64::from(plan.laws) * (count * plan.rays as usize * size_of::<f32>()) as u64;
-        let fields = self.fields.as_ref().map_or(0, Buffer::address);
-        let variances = self.variances.as_ref().map_or(0, Buffer::address);
+        let fields = self.fields.get().map_or(0, Buffer::address);
+        let variances = self.variances.get().map_or(0, Buffer::address);
         let mut uploads = &[Upload::new(&line_buffer, 0, records)][..];
         for first_line in (0..numbers::count(count)).step_by(at_once as usize) {
             let groups = [at_once.min(numbers::count(count) - first_line), parts, 1];
@@ -267,7 +264,6 @@ impl Lines {
         }
         let mut found = beamlet_core::reserve::zeroed::<f32>(values, "light of lines")?;
         device.read(&mut [Download::new(&light, 0, &mut found)])?;
-        (self.records, self.light, self.sums) = (Some(line_buffer), Some(light), Some(sums));
         Ok(found)
     }
 }

@@ -54,9 +54,9 @@ impl MaskTransmissionCache {
         self.0 = places.into_par_iter().zip(known).with_min_len(64).map(bars).collect();
     }
 
-    /// The effects at all places.
-    pub(super) fn iter(&self) -> impl Iterator<Item = &MaskTransmission> {
-        self.0.iter().map(|(_, bars)| bars)
+    /// All places, sorted.
+    pub(super) fn places(&self) -> &[(BarPlace, MaskTransmission)] {
+        &self.0
     }
 
     /// Index of the place of a cell row.

@@ -13,18 +13,10 @@ use beamlet_model::scene::Transport;
 /// Share of the grazing incidence at which the third order turns light by `FIRST_ORDER_ERROR`, as the second order does
 /// at grazing incidence.
 const SEVERE: f64 = 0.2154;
-/// Results of rays that were traced exactly.
-#[derive(Debug, Default)]
-pub(super) struct ExactResults {
-    /// `[exact cell][end]` at the mean constants, and those that were repeated.
-    pub(super) rays: Vec<RayResult>,
-    /// `[exact cell][node]`: index of the result where it was repeated, else 0.
-    pub(super) repeated: Vec<u32>,
-}
-
 impl EnergyBinning {
-    /// Results of exact cells, with exact transport repeated at the nodes where it does not follow from that at the mean
-    /// constants; `tracer`: `None` for cells without a sample.
+    /// Results of exact cells, `[exact cell][end]` at the mean constants and those of exact transport that is repeated at
+    /// the nodes where it does not follow from these; and `[exact cell][node]` the index of its result where it was
+    /// repeated, else 0. `tracer`: `None` for cells without a sample.
     ///
     /// # Errors
     /// As [`Tracer::trace`].
@@ -32,7 +24,7 @@ impl EnergyBinning {
         &self,
         tracer: Option<&Tracer>,
         cells: &CellBatch,
-    ) -> Result<ExactResults> {
+    ) -> Result<(Vec<RayResult>, Vec<u32>)> {
         let (exact, nodes) = (&cells.moments.exact, self.nodes());
         let mut rays: Vec<RayResult> = exact.iter().flat_map(|it| it.results).collect();
         let mut repeated = vec![0; exact.len() * nodes];
@@ -57,7 +49,7 @@ impl EnergyBinning {
                 }
             }
         }
-        Ok(ExactResults { rays, repeated })
+        Ok((rays, repeated))
     }
 }
 

@@ -2,8 +2,6 @@
 
 use super::EnergyBinning;
 use super::bars::MaskTransmissionCache;
-use super::exact::ExactResults;
-use crate::illuminate::fit;
 use crate::sampling::{CellBatch, balance};
 use crate::trace::Tracer;
 use beamlet_core::Result;
@@ -11,7 +9,7 @@ use beamlet_core::numbers::count;
 use beamlet_gpu::{Buffer, Device, Recorder, Upload};
 use beamlet_interface::{
     Address, Cell, CellRow, ENERGIES_EACH, EnergiesPush, EnergyParams, EnergyResult, EnergyRow,
-    GROUP, GatherPush,
+    GROUP, GatherPush, RayResult,
 };
 use std::ops::Range;
 use std::sync::Arc;
@@ -27,26 +25,18 @@ pub(in crate::illuminate) struct GatheredRows {
     /// First those whose light may land far.
     pub(in crate::illuminate) cell_rows: Vec<CellRow>,
     /// Number of the cell rows whose light may land far.
-    far: u32,
+    pub(in crate::illuminate) far: usize,
     /// Lists, as indices of the light of [`EnergyBinning::lights`].
     pub(in crate::illuminate) lists: Range<usize>,
     /// Places and bars.
     energy_rows: Vec<EnergyRow>,
     by_energy: bool,
-    /// The blur takes all light farther than to the rows beside.
-    lands_far: bool,
 }
 
 impl GatheredRows {
     /// Cell rows of a list: of all, and again of those whose light may land far.
     pub(in crate::illuminate) fn rows_of_list(&self) -> usize {
-        self.cell_rows.len() + self.far as usize
-    }
-
-    /// Cell rows whose light may land in their row and the two beside it, and those whose light may land farther.
-    pub(in crate::illuminate) fn near_and_far(&self) -> [&[CellRow]; 2] {
-        let near = if self.lands_far { &[] } else { &self.cell_rows[..] };
-        [near, &self.cell_rows[..self.far as usize]]
+        self.cell_rows.len() + self.far
     }
 }
 
@@ -54,31 +44,50 @@ impl GatheredRows {
 #[derive(Debug)]
 pub(crate) struct Gathering<'c> {
     cells: &'c CellBatch,
-    exact: ExactResults,
-    exact_of_cells: Vec<u32>,
+    /// [`EnergiesPush::exact`], `rays` and `repeated`.
+    exact: Vec<u32>,
+    rays: Vec<RayResult>,
+    repeated: Vec<u32>,
     bars: Vec<f32>,
     /// Those of groups, and those that go energy by energy.
     pub(in crate::illuminate) rows: [GatheredRows; 2],
     /// Places of gathered cells.
     pub(in crate::illuminate) places: usize,
+    /// Results of cells at energies.
+    pub(in crate::illuminate) results: usize,
+}
+
+impl Gathering<'_> {
+    /// Bytes that go to the device.
+    pub(in crate::illuminate) fn bytes(&self) -> usize {
+        self.inputs().iter().map(|input| input.len()).sum()
+    }
+
+    fn inputs(&self) -> [&[u8]; 10] {
+        let [groups, energies] = &self.rows;
+        [
+            bytemuck::cast_slice(&self.cells.cells),
+            bytemuck::cast_slice(&self.cells.moments.ends),
+            bytemuck::cast_slice(&self.exact),
+            bytemuck::cast_slice(&self.rays),
+            bytemuck::cast_slice(&self.repeated),
+            bytemuck::cast_slice(&self.bars),
+            bytemuck::cast_slice(&groups.cell_rows),
+            bytemuck::cast_slice(&groups.energy_rows),
+            bytemuck::cast_slice(&energies.cell_rows),
+            bytemuck::cast_slice(&energies.energy_rows),
+        ]
+    }
 }
 
 /// Gathers the energies of cells.
 #[derive(Debug)]
 pub(crate) struct Gatherer<'s> {
-    device: Arc<Device>,
     binning: &'s EnergyBinning,
     params: Buffer,
     /// That the parameters point to.
     _constants: Buffer,
     bars: MaskTransmissionCache,
-}
-
-/// Buffers of the work of a part of a batch.
-#[derive(Debug, Default)]
-pub(in crate::illuminate) struct GatherBuffers {
-    inputs: Option<Buffer>,
-    results: Option<Buffer>,
 }
 
 impl<'s> Gatherer<'s> {
@@ -96,7 +105,6 @@ impl<'s> Gatherer<'s> {
         let constants = device.upload("constants of energies", &binning.constants)?;
         let params = EnergyParams { constants: constants.address(), ..binning.params };
         Ok(Self {
-            device: device.clone(),
             binning,
             params: device.upload("energies", &[params])?,
             _constants: constants,
@@ -119,79 +127,57 @@ impl<'s> Gatherer<'s> {
         cells: &'c CellBatch,
     ) -> Result<Gathering<'c>> {
         let binning = self.binning;
-        let exact = binning.exact_results(tracer, cells)?;
-        let mut exact_of_cells = vec![0; cells.cells.len()];
+        let (rays, repeated) = binning.exact_results(tracer, cells)?;
+        let mut exact = vec![0; cells.cells.len()];
         for (number, it) in (1..).zip(&cells.moments.exact) {
-            exact_of_cells[it.cell as usize] = number;
+            exact[it.cell as usize] = number;
         }
         self.bars.set_places(binning, &cells.cell_rows);
-        let apart: Vec<bool> = self.bars.iter().map(|it| it.apart).collect();
+        let at_places = self.bars.places();
         let mut ordered = cells.cell_rows.clone();
         balance(&mut ordered);
         let mut all: Vec<(CellRow, usize, bool)> = ordered
             .iter()
-            .map(|row| (*row, self.bars.index(binning, row), binning.may_land_far(cells, row)))
+            .map(|row| {
+                (*row, self.bars.index(binning, row), binning.may_land_far(cells, &exact, row))
+            })
             .collect();
         all.sort_by_key(|(_, _, is_far)| !is_far);
         let (groups, nodes) = (binning.groups.len(), binning.nodes());
-        let words = count(self.bars.iter().next().map_or(0, |it| it.words.len()));
+        let words = count(at_places.first().map_or(0, |(_, bars)| bars.words.len()));
         let mut rows = [GatheredRows::default(), GatheredRows::default()];
         (rows[0].lists, rows[1].lists) = (0..groups, groups..groups + nodes);
         rows[1].by_energy = true;
-        let lands_far = !binning.lattice.heights && binning.lattice.has_wide_row_blur();
-        rows.iter_mut().for_each(|it| it.lands_far = lands_far);
         let mut places = 0;
         for (row, bars, is_far) in all {
-            let of = &mut rows[usize::from(apart[bars])];
+            let of = &mut rows[usize::from(at_places[bars].1.apart)];
             of.cell_rows.push(row);
-            of.far += u32::from(is_far);
+            of.far += usize::from(is_far);
             of.energy_rows.push(EnergyRow { bars: count(bars) * words, first_cell: count(places) });
             let of_cell = if of.by_energy { 1 } else { nodes };
             places += row.cell_count as usize * of_cell * of.lists.len();
         }
-        let bars = self.bars.iter().flat_map(|it| &it.words).copied().collect();
-        Ok(Gathering { cells, exact, exact_of_cells, bars, rows, places })
+        let bars = at_places.iter().flat_map(|(_, bars)| &bars.words).copied().collect();
+        let results = cells.cells.len() * nodes;
+        Ok(Gathering { cells, exact, rays, repeated, bars, rows, places, results })
     }
 
-    /// Adds the uploads of the gathering, and gives its dispatches into buffers of cells and of cell rows.
-    ///
-    /// # Errors
-    /// [`beamlet_core::Error::Memory`].
+    /// Adds the uploads of work, and gives its dispatches into buffers of cells and of cell rows.
     pub(in crate::illuminate) fn prepare<'u>(
         &self,
-        gathering: &'u Gathering<'_>,
-        buffers: &'u mut GatherBuffers,
-        (gathered, gathered_rows): (&Buffer, &Buffer),
+        work: &'u Gathering<'_>,
+        [inputs, results]: &'u [Arc<Buffer>; 2],
+        [gathered, gathered_rows]: &[Arc<Buffer>; 2],
         uploads: &mut Vec<Upload<'u>>,
-    ) -> Result<Dispatches> {
-        let Gathering { cells, exact, exact_of_cells, bars, rows, .. } = gathering;
-        let inputs: Vec<&[u8]> = [
-            bytemuck::cast_slice(&cells.cells),
-            bytemuck::cast_slice(&cells.moments.ends),
-            bytemuck::cast_slice(exact_of_cells),
-            bytemuck::cast_slice(&exact.rays),
-            bytemuck::cast_slice(&exact.repeated),
-            bytemuck::cast_slice(bars),
-        ]
-        .into_iter()
-        .chain(rows.iter().flat_map(|it| {
-            [bytemuck::cast_slice(&it.cell_rows), bytemuck::cast_slice(&it.energy_rows)]
-        }))
-        .collect();
-        let bytes = inputs.iter().map(|it| it.len()).sum();
-        let size = cells.cells.len() * self.binning.nodes();
-        let GatherBuffers { inputs: old_inputs, results } = buffers;
-        let buffer = fit::<u8>(&self.device, old_inputs.take(), "cells and moments", bytes)?;
-        let buffer = &*old_inputs.insert(buffer);
-        let old = results.take();
-        let results = &*results.insert(fit::<EnergyResult>(&self.device, old, "energies", size)?);
+    ) -> Dispatches {
+        let Gathering { cells, rows, .. } = work;
         let mut end = 0;
-        let mut addresses = [0; 10];
-        for (address, input) in addresses.iter_mut().zip(inputs) {
-            *address = buffer.address() + end;
-            uploads.push(Upload::new(buffer, end, input));
+        let addresses = work.inputs().map(|input| {
+            let at = end;
             end += input.len() as u64;
-        }
+            uploads.push(Upload::new(inputs, at, input));
+            inputs.address() + at
+        });
         let [of_cells, moments, exact, rays, repeated, bars, of_rows @ ..] = addresses;
         let energies = EnergiesPush {
             params: self.params.address(),
@@ -216,14 +202,14 @@ impl<'s> Gatherer<'s> {
                 gathered: gathered.address(),
                 gathered_rows: gathered_rows.address() + first_row,
                 row_count: count(rows.cell_rows.len()),
-                far_count: rows.far,
+                far_count: count(rows.far),
                 by_energy: rows.by_energy.into(),
             };
             first_row += (rows.rows_of_list() * rows.lists.len() * size_of::<CellRow>()) as Address;
             (push, count(rows.lists.len()))
         });
         let gather = gather.collect();
-        Ok(Dispatches { energies, energy_count: count(self.binning.nodes()), gather })
+        Dispatches { energies, energy_count: count(self.binning.nodes()), gather }
     }
 }
 
