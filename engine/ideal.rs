@@ -166,7 +166,7 @@ pub(crate) fn ideal_of(
     control: &mut RowsControl<'_>,
 ) -> Result<IdealImages> {
     let reach = options.reach.unwrap_or_else(|| half_period(scene));
-    let mut tracer = simulation.tracer_of_rays(&control.cancel)?;
+    let mut tracer = simulation.tracer(&control.cancel)?;
     let media = simulation.media();
     let pixels = Pixels::of(scene, modulated(scene, (&media.energies, &media.weights))?)?;
     let total = pixels.count();

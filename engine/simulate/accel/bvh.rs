@@ -4,7 +4,7 @@
 use super::placed::{placed_record, shape_record};
 use beamlet_core::numbers::{self, single};
 use beamlet_core::{Error, Result};
-use beamlet_geometry::{CornerNormals, Sample, corner_normals};
+use beamlet_geometry::{CornerNormals, Prototype, Sample, corner_normals};
 use beamlet_interface as interface;
 use beamlet_interface::{
     FACET_LEAF, KIND_CROSSED, KIND_FRUSTUM, KIND_MESH, KIND_SMOOTH, LEAF_MESH, LEAF_SHAPE, Leaf,
@@ -127,50 +127,16 @@ impl Bvh {
         self.placed = vec![interface::Placed::zeroed(); places.len()];
         for same in sample.placed.chunk_by(|a, b| a.prototype == b.prototype) {
             let prototype = &sample.prototypes[same[0].prototype as usize];
-            let mut last = None;
-            let of_same = places[first as usize..].iter().zip(same);
-            if let Some(shape) = prototype.shape {
-                for (&place, it) in of_same {
-                    self.placed[place as usize] = placed_record(it, 0, &mut last);
-                }
-                self.prototypes.push(interface::Prototype {
-                    root: numbers::count(self.shapes.len()),
-                    leaf_base: 0,
-                    leaves: 0,
-                    primitive: numbers::low_word(primitive),
-                    placed: first,
-                });
-                let shape = shape_record(shape);
+            let record = if let Some(shape) = prototype.shape {
+                let (root, shape) = (numbers::count(self.shapes.len()), shape_record(shape));
                 self.kinds |= KIND_FRUSTUM << shape.kind;
                 self.shapes.push(shape);
-                first += numbers::count(same.len());
-                continue;
-            }
-            self.kinds |= KIND_MESH;
-            let least = same
-                .iter()
-                .map(|it| it.place.scale * it.place.stretch.min(1.0))
-                .fold(f64::INFINITY, f64::min);
-            let vertex = |v: u32| prototype.vertices[v as usize];
-            let own = prototype.vertices.iter().fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
-            let root = numbers::count(self.nodes.len());
-            let leaf_base = numbers::count(self.leaves.len());
-            let boxes = || boxes_of(&prototype.triangles, vertex).collect();
-            let order = self.append(boxes, (reach / least + own) * PADDING, false)?;
-            self.leaves.extend(order.iter().map(|&i| {
-                let corners = prototype.triangles[i as usize].map(vertex);
-                leaf(corners, prototype.triangle_component[i as usize])
-            }));
-            self.append_neighbours(&order, &prototype.across);
-            self.facets.extend_from_slice(&order);
-            if self.kinds & KIND_SMOOTH != 0 {
-                let of = |t: usize| {
-                    prototype.components[prototype.triangle_component[t] as usize].smooth
-                };
-                let normals = corner_normals(&prototype.vertices, &prototype.triangles, of);
-                self.append_normals(&order, &normals);
-            }
-            let each = order.len() as u64;
+                interface::Prototype { root, ..Zeroable::zeroed() }
+            } else {
+                let scales = same.iter().map(|it| it.place.scale * it.place.stretch.min(1.0));
+                self.append_mesh(prototype, reach / scales.fold(f64::INFINITY, f64::min))?
+            };
+            let each = u64::from(record.leaves);
             let end = primitive + each * same.len() as u64;
             if end > u64::from(FACET_LEAF) {
                 let problem = format!("its instances have {end} facets; allowed: {FACET_LEAF}");
@@ -180,22 +146,44 @@ impl Bvh {
                     "use a coarser mesh, or fewer instances",
                 ));
             }
-            for (&place, it) in of_same {
+            let mut last = None;
+            for (&place, it) in places[first as usize..].iter().zip(same) {
                 let number = primitive + each * u64::from(place - first);
-                let record = placed_record(it, numbers::low_word(number), &mut last);
-                self.placed[place as usize] = record;
+                self.placed[place as usize] =
+                    placed_record(it, numbers::low_word(number), &mut last);
             }
+            let primitive_of_first = numbers::low_word(primitive);
             self.prototypes.push(interface::Prototype {
-                root,
-                leaf_base,
-                leaves: numbers::count(order.len()),
-                primitive: numbers::low_word(primitive),
+                primitive: primitive_of_first,
                 placed: first,
+                ..record
             });
             primitive = end;
             first += numbers::count(same.len());
         }
         Ok(())
+    }
+
+    /// The tree of a mesh that is placed; `reach`: of the sample in its frame, m.
+    fn append_mesh(&mut self, mesh: &Prototype, reach: f64) -> Result<interface::Prototype> {
+        self.kinds |= KIND_MESH;
+        let vertex = |v: u32| mesh.vertices[v as usize];
+        let own = mesh.vertices.iter().fold(0.0_f64, |m, v| m.max(v.abs().max_element()));
+        let [root, leaf_base] = [self.nodes.len(), self.leaves.len()].map(numbers::count);
+        let boxes = || boxes_of(&mesh.triangles, vertex).collect();
+        let order = self.append(boxes, (reach + own) * PADDING, false)?;
+        self.leaves.extend(order.iter().map(|&i| {
+            let corners = mesh.triangles[i as usize].map(vertex);
+            leaf(corners, mesh.triangle_component[i as usize])
+        }));
+        self.append_neighbours(&order, &mesh.across);
+        self.facets.extend_from_slice(&order);
+        if self.kinds & KIND_SMOOTH != 0 {
+            let of = |t: usize| mesh.components[mesh.triangle_component[t] as usize].smooth;
+            self.append_normals(&order, &corner_normals(&mesh.vertices, &mesh.triangles, of));
+        }
+        let leaves = numbers::count(order.len());
+        Ok(interface::Prototype { root, leaf_base, leaves, ..Zeroable::zeroed() })
     }
 
     /// Lists of the shapes that cross a shape. `places`: [`places_of`] the sample.

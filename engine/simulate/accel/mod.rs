@@ -6,3 +6,4 @@ mod placed;
 
 pub use bvh::Bvh;
 pub(crate) use facet_tree::{FacetTree, Fan, Met};
+pub(crate) use placed::twofold;

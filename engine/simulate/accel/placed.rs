@@ -35,7 +35,7 @@ pub(super) fn placed_record(
         _ => rounded(place.rotation),
     };
     *last = Some((place.rotation, rotation));
-    let [position, rest] = parts(place.position);
+    let [position, rest] = twofold(place.position);
     interface::Placed {
         position,
         rest,
@@ -49,8 +49,8 @@ pub(super) fn placed_record(
     }
 }
 
-/// The nearest f32 and the remainders.
-fn parts(vector: DVec3) -> [[f32; 3]; 2] {
+/// A vector in f32, and its remainder.
+pub(crate) fn twofold(vector: DVec3) -> [[f32; 3]; 2] {
     let high = vector.to_array().map(single);
     let low = vector - DVec3::from_array(high.map(f64::from));
     [high, low.to_array().map(single)]

@@ -59,7 +59,8 @@ impl SubpixelGrid {
             }
             None => [None, None],
         };
-        let mut grid = Self::bare(scene);
+        let (pixels, parts, margin) = (detector.pixels, [1; 2], [0; 2]);
+        let mut grid = Self { pixels, parts, margin, scatter_rows: 0, error: 0.0, kernel_bytes: 0 };
         for (axis, spread) in spread.iter().enumerate() {
             let Some(spread) = spread.as_ref().filter(|spread| spread.reach() > 0.0) else {
                 continue;
@@ -101,12 +102,6 @@ impl SubpixelGrid {
         let [columns, rows] =
             [0, 1].map(|axis| (2 * margin[axis] as usize + 1) * parts[axis] as usize);
         Window::bytes([rows, columns], parts.map(|n| n as usize), self.pixels[0] as usize)
-    }
-
-    /// Pixels whole and no margin.
-    fn bare(scene: &Scene) -> Self {
-        let pixels = scene.detector.pixels;
-        Self { pixels, parts: [1; 2], margin: [0; 2], scatter_rows: 0, error: 0.0, kernel_bytes: 0 }
     }
 
     /// Columns and rows of the grid.

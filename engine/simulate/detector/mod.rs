@@ -13,5 +13,5 @@ mod spread;
 pub use clipping::offset_warning;
 pub use grid::SubpixelGrid;
 pub use model::DetectorModel;
-pub(crate) use noise::Clipped;
+pub(crate) use noise::Frame;
 pub use noise::Noise;

@@ -1,9 +1,10 @@
 //! The detector of a run: from the light on the grid to intensities and counts, band by band.
 
-use super::blur::BlurStage;
+use super::blur;
 use super::grid::SubpixelGrid;
 use super::noise::{Frame, Noise};
 use super::scatter::ScatterStage;
+use super::spread::Window;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_model::optics::Optics;
@@ -11,7 +12,7 @@ use beamlet_model::scene::{
     Beam, Exposure, Scene, SpectrumOrigin, SpectrumSpec, validate_thresholds,
 };
 use beamlet_model::spectrum::{self, Spectrum};
-use ndarray::{Array3, ArrayView3, s};
+use ndarray::{Array3, ArrayView3};
 use std::ops::Range;
 
 /// The detector of a scene, ready.
@@ -19,7 +20,8 @@ use std::ops::Range;
 pub struct DetectorModel {
     grid: SubpixelGrid,
     optics: Optics,
-    blur: Option<BlurStage>,
+    /// Weights of the grid around a pixel.
+    blur: Option<Window>,
     scatter: Option<ScatterStage>,
     noise: Option<Noise>,
 }
@@ -37,7 +39,7 @@ impl DetectorModel {
         Ok(Self {
             grid,
             optics: grid.optics(scene),
-            blur: BlurStage::of(scene, &grid)?,
+            blur: blur::window(scene, &grid)?,
             scatter: ScatterStage::of(scene)?,
             noise: Noise::of(scene, spectrum::excess_noise(&scene.detector, &nodes))?,
         })
@@ -81,7 +83,10 @@ impl DetectorModel {
     ) -> Result<Array3<f32>> {
         let needed = self.grid.needed(band);
         let pixels = match &self.blur {
-            Some(blur) => blur.pixels(lit.view(), needed.len(), cancel)?,
+            Some(blur) => {
+                let columns = self.grid.pixels[0] as usize;
+                blur.gather(lit.view(), [needed.len(), columns], cancel)?
+            }
             None => lit,
         };
         match &self.scatter {
@@ -101,9 +106,7 @@ impl DetectorModel {
         intensities: ArrayView3<'_, f32>,
         cancel: &Cancel,
     ) -> Result<Option<Frame>> {
-        let frame = |noise: &Noise| {
-            noise.counts(view, band.start, intensities.slice(s![.., .., ..]), cancel)
-        };
+        let frame = |noise: &Noise| noise.counts(view, band.start, intensities, cancel);
         self.noise.as_ref().map(frame).transpose()
     }
 }

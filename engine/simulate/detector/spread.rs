@@ -54,11 +54,6 @@ impl Window {
         (weights + transforms) as u64
     }
 
-    /// Pixels of the detector in a row of the grid.
-    pub(super) fn columns(&self, of_grid: usize) -> usize {
-        (of_grid + self.parts[0] - self.weights.ncols()) / self.parts[0]
-    }
-
     /// Sums the weights over the window of each pixel, which moves by the parts of a pixel from
     /// pixel to pixel; in f64. The bits of a row depend on the light in its window alone.
     ///
@@ -330,7 +325,6 @@ mod tests {
             let (weights, lit) = case(parts, taps, size);
             let window = Window::new(weights.clone(), parts, size[0]);
             assert!(window.transformed.is_some());
-            assert_eq!(window.columns(lit.dim().2), size[0]);
             let got = window.gather(lit.view(), [size[1], size[0]], &Cancel::default()).unwrap();
             for ((step, row, column), got) in got.indexed_iter() {
                 let want: f64 = weights

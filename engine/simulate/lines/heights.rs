@@ -157,18 +157,22 @@ pub(crate) struct Heights<L> {
     light_alone: bool,
 }
 
+impl<L> Placed<L> {
+    /// A line without its light.
+    const fn new(z: f64) -> Self {
+        Self { z, light: None, jumps: false, estimate: None }
+    }
+}
+
 impl<L: Judged + Clone> Heights<L> {
     /// Lines of a row without their light; within their number, but for the three that an estimate needs.
     pub(crate) fn new(features: &Features, limits: Limits) -> Self {
-        let rough = features.rough;
+        let of_lines = |lines: Vec<Placed<L>>| {
+            let rough = features.rough;
+            Self { lines, limits, rough, is_random: false, light_alone: false }
+        };
         if features.height.is_infinite() {
-            return Self {
-                lines: vec![Placed { z: 0.5, light: None, jumps: false, estimate: None }],
-                limits,
-                rough,
-                is_random: false,
-                light_alone: false,
-            };
+            return of_lines(vec![Placed::new(0.5)]);
         }
         let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_FIRST.into());
         let parts: u32 = numbers::whole((1.0 / features.height).ceil().clamp(2.0, room));
@@ -184,14 +188,9 @@ impl<L: Judged + Clone> Heights<L> {
         heights.extend(jumps.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
         heights.sort_unstable_by(f64::total_cmp);
         heights.dedup_by(|a, b| *a - *b < 0.5 * limits.least);
-        let place = |z: f64| Placed {
-            z,
-            light: None,
-            jumps: jumps.iter().any(|it| it[0].to_bits() == z.to_bits()),
-            estimate: None,
-        };
-        let lines = heights.into_iter().map(place).collect();
-        Self { lines, limits, rough, is_random: false, light_alone: false }
+        let jumps_at = |z: f64| jumps.iter().any(|it| it[0].to_bits() == z.to_bits());
+        let place = |z: f64| Placed { jumps: jumps_at(z), ..Placed::new(z) };
+        of_lines(heights.into_iter().map(place).collect())
     }
 
     /// Heights of lines without light, rows below the upper border.
@@ -225,7 +224,7 @@ impl<L: Judged + Clone> Heights<L> {
             self.lines[at].jumps = false;
             let near = at.saturating_sub(1)..(at + 2).min(self.lines.len());
             self.lines[near].iter_mut().for_each(|line| line.estimate = None);
-            self.lines.insert(at + 1, Placed { z, light: None, jumps: false, estimate: None });
+            self.lines.insert(at + 1, Placed::new(z));
         }
     }
 
@@ -325,11 +324,9 @@ impl<L: Judged + Clone> Heights<L> {
     pub(crate) fn intervals(&self) -> Vec<Interval> {
         let z = |at: usize| self.lines[at].z;
         let last = self.lines.len() - 1;
-        let draws = self.squares_of_draws();
-        let between = self.estimates().enumerate().map(|(at, it)| Interval {
-            z: [z(at), z(at + 1)],
-            error: it.square(draws.get(at).copied()).sqrt(),
-        });
+        let squares = self.squares().enumerate();
+        let between =
+            squares.map(|(at, square)| Interval { z: [z(at), z(at + 1)], error: square.sqrt() });
         let before = Interval { z: [0.0, z(0)], error: 0.0 };
         let after = Interval { z: [z(last), 1.0], error: 0.0 };
         let all = std::iter::once(before).chain(between).chain([after]);
@@ -357,9 +354,14 @@ impl<L: Judged + Clone> Heights<L> {
 
     /// Estimated error of the sum over lines, in the unit of their light.
     pub(crate) fn error(&self) -> f64 {
+        self.squares().sum::<f64>().sqrt()
+    }
+
+    /// Squared errors of the intervals between lines.
+    fn squares(&self) -> impl Iterator<Item = f64> {
         let draws = self.squares_of_draws();
-        let square = |(at, it): (usize, Estimate)| it.square(draws.get(at).copied());
-        self.estimates().enumerate().map(square).sum::<f64>().sqrt()
+        let square = move |(at, it): (usize, Estimate)| it.square(draws.get(at).copied());
+        self.estimates().enumerate().map(square)
     }
 
     /// Squared errors of the intervals by random samples; none where there are no samples.

@@ -31,8 +31,20 @@ pub(crate) struct LinePlace {
 
 impl LinePlace {
     /// Order by row, then beamlet.
-    pub(crate) fn order(&self, other: &Self) -> Ordering {
+    fn order(&self, other: &Self) -> Ordering {
         self.row.total_cmp(&other.row).then(self.beamlet.cmp(&other.beamlet))
+    }
+
+    /// The distinct ones of some places, by row, then beamlet.
+    pub(crate) fn distinct(mut places: Vec<Self>) -> Vec<Self> {
+        places.sort_unstable_by(Self::order);
+        places.dedup();
+        places
+    }
+
+    /// Index among [`Self::distinct`] places.
+    pub(crate) fn index(&self, places: &[Self]) -> Option<usize> {
+        places.binary_search_by(|it| it.order(self)).ok()
     }
 }
 

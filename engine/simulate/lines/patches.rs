@@ -257,9 +257,7 @@ impl<'a> LineSampler<'a> {
                 patch.heights.wanted().map(|z| patch.place(z)).collect()
             };
             let wanted: Vec<Vec<LinePlace>> = patches.iter().map(of_patch).collect();
-            let mut places = wanted.concat();
-            places.sort_unstable_by(LinePlace::order);
-            places.dedup();
+            let places = LinePlace::distinct(wanted.concat());
             if places.is_empty() {
                 return Ok(true);
             }
@@ -270,10 +268,7 @@ impl<'a> LineSampler<'a> {
             }
             let undone = patches.par_iter_mut().zip(wanted).filter(|(_, own)| !own.is_empty());
             undone.for_each(|(patch, own)| {
-                let line = |place: &LinePlace| {
-                    let at = places.binary_search_by(|it| it.order(place)).ok();
-                    at.map(|at| lines[at].clone())
-                };
+                let line = |place: &LinePlace| Some(lines[place.index(&places)?].clone());
                 let own: Vec<Arc<LitLine>> = own.iter().filter_map(line).collect();
                 patch.look_for_silhouettes(&own);
                 let pieces =

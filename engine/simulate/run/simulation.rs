@@ -22,7 +22,7 @@ use crate::wave;
 pub use backend::choose;
 use beamlet_core::parallel::start_threads;
 use beamlet_core::tally::Tally;
-use beamlet_core::{Result, numbers};
+use beamlet_core::{Cancel, Result, numbers};
 use beamlet_files as stack;
 use beamlet_files::{RunProfile, RunRecord, RunStart, SamplingError, SamplingSummary, Sink};
 use beamlet_geometry::{self as geometry, Sample};
@@ -89,23 +89,30 @@ impl Simulation {
         self.simulator.options()
     }
 
-    /// A tracer whose batches adapt.
-    fn tracer(&self) -> Result<Tracer> {
-        self.tracer_with(None)
+    /// A tracer on the chosen backend whose batches adapt, which `cancel` ends.
+    ///
+    /// # Errors
+    /// [`beamlet_core::Error::Device`], [`beamlet_core::Error::Memory`].
+    #[doc(hidden)]
+    pub fn tracer(&self, cancel: &Cancel) -> Result<Tracer> {
+        self.tracer_with(None, cancel)
     }
 
     /// A tracer of rays that are made and stay on the device, where their batches do not adapt: a GPU takes all, but
     /// for small ones, whose drivers end long dispatches.
-    fn tracer_of_batches(&self) -> Result<Tracer> {
+    fn tracer_of_batches(&self, cancel: &Cancel) -> Result<Tracer> {
         let whole = self.device().description().kind == DeviceKind::Discrete;
-        self.tracer_with(whole.then_some(self.memory.batch_rays))
+        self.tracer_with(whole.then_some(self.memory.batch_rays), cancel)
     }
 
-    fn tracer_with(&self, batch: Option<u32>) -> Result<Tracer> {
+    fn tracer_with(&self, batch: Option<u32>, cancel: &Cancel) -> Result<Tracer> {
         let kernels = self.simulator.trace_kernels();
         let (backend, transport) = (self.start.backend, self.scene.sampling.transport);
         let (batch, most) = (self.options().batch_rays.or(batch), self.memory.batch_rays);
-        Tracer::new(self.device(), kernels, &self.on_device, backend, transport, batch, most)
+        let mut tracer =
+            Tracer::new(self.device(), kernels, &self.on_device, backend, transport, batch, most)?;
+        tracer.set_cancel(cancel.clone());
+        Ok(tracer)
     }
 
     /// View of a pose of the sample.

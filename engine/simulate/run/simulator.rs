@@ -9,42 +9,37 @@ use std::sync::Arc;
 /// An open device and the kernels that its simulations share. Clones share both.
 #[derive(Debug, Clone)]
 pub struct Simulator {
-    kernels: Arc<Kernels>,
-    compute: Compute,
-}
-
-#[derive(Debug)]
-struct Kernels {
     trace: Arc<TraceKernels>,
     illuminate: Arc<CellKernels>,
     random: Arc<RandomKernels>,
     wave: Arc<WaveKernels>,
+    compute: Compute,
 }
 
 impl Simulator {
     /// Prepares the kernels of simulations; each is made when it is first wanted.
     pub fn new(compute: Compute) -> Self {
         let device = compute.device();
-        let kernels = Arc::new(Kernels {
+        Self {
             trace: Arc::new(TraceKernels::new(device)),
             illuminate: Arc::new(CellKernels::new(device)),
             random: Arc::new(RandomKernels::new(device)),
             wave: Arc::new(WaveKernels::new(device)),
-        });
-        Self { kernels, compute }
+            compute,
+        }
     }
 
     /// Drops it. Returns whether the device is destroyed: `false` while somebody uses it.
     pub fn close(self) -> bool {
-        let Self { kernels, compute } = self;
-        drop(kernels);
+        let compute = self.compute.clone();
+        drop(self);
         compute.close()
     }
 
     /// The same device and kernels under other options ([`Compute::with_options`]).
     #[must_use]
     pub fn with_options(&self, options: EngineOptions) -> Self {
-        Self { kernels: Arc::clone(&self.kernels), compute: self.compute.with_options(options) }
+        Self { compute: self.compute.with_options(options), ..self.clone() }
     }
 
     /// The device and how it was opened.
@@ -63,18 +58,18 @@ impl Simulator {
     }
 
     pub(crate) fn trace_kernels(&self) -> &Arc<TraceKernels> {
-        &self.kernels.trace
+        &self.trace
     }
 
     pub(crate) fn random_kernels(&self) -> &Arc<RandomKernels> {
-        &self.kernels.random
+        &self.random
     }
 
     pub(crate) fn wave_kernels(&self) -> &Arc<WaveKernels> {
-        &self.kernels.wave
+        &self.wave
     }
 
     pub(crate) fn illuminate_kernels(&self) -> &Arc<CellKernels> {
-        &self.kernels.illuminate
+        &self.illuminate
     }
 }

@@ -181,7 +181,7 @@ pub(crate) fn blank_cells(lattice: &Lattice, cell_rows: &[CellRow]) -> CellBatch
 
 /// Cell rows of whole rows without a sample at places (column, row), one for rows that follow one
 /// another in a block.
-pub(crate) fn blank_cell_rows(lattice: &Lattice, mut places: Vec<(i64, i64)>) -> Vec<CellRow> {
+pub(super) fn blank_cell_rows(lattice: &Lattice, mut places: Vec<(i64, i64)>) -> Vec<CellRow> {
     places.sort_unstable();
     let block = |row: i64| row.div_euclid(i64::from(lattice.alike_rows));
     let alike =

@@ -99,12 +99,21 @@ impl Emitter<'_> {
         row.lands.start = row.lands.start.min(numbers::whole::<i64>(farthest.floor()));
         row.lands.end = row.lands.end.max(numbers::whole::<i64>(farthest.ceil()) + 1);
         let [share_above, share_below, landing_z] = if lattice.heights {
-            self.along_z(rectangle)
+            // Growth of the landing over the height (rows), and change of the light relative to its mean.
+            let [up, low] = rectangle.ends_z;
+            [-(low - up) / self.row_pitch, rectangle.tilt, 0.5 * (up + low)]
         } else {
             let [above, below] = self.row_shares(rectangle, displacement_z);
             [above, below, displacement_z]
         };
-        self.record(row, rectangle, moments);
+        if result.flags & FLAG_EXACT != 0 && self.view.recording.is_some() {
+            row.moments.exact.push(ExactCell {
+                cell: numbers::count(row.cells.len()),
+                ray: rectangle.ray,
+                results: rectangle.ends.results(),
+            });
+        }
+        row.moments.ends.extend_from_slice(moments);
         row.cells.push(Cell {
             x_low: x[0],
             x_high: x[1],
@@ -121,13 +130,6 @@ impl Emitter<'_> {
         });
     }
 
-    /// Light of a rectangle along z: growth of the landing over the height (rows), change of the light relative to its
-    /// mean, and displacement on the detector (m).
-    fn along_z(&self, rectangle: &Rectangle) -> [f32; 3] {
-        let [up, low] = rectangle.ends_z;
-        [-(low - up) / self.row_pitch, rectangle.tilt, 0.5 * (up + low)]
-    }
-
     /// Shares of the light of a rectangle that land in the rows above and below; `landing_z`: its displacement on the
     /// detector, m.
     fn row_shares(&self, rectangle: &Rectangle, landing_z: f32) -> [f32; 2] {
@@ -136,17 +138,5 @@ impl Emitter<'_> {
             let down = -f64::from(landing_z) / f64::from(self.row_pitch);
             self.view.lattice.row_shares(top, bottom, down)
         })
-    }
-
-    /// Records the moments at both ends of the cell that comes next, and its rays where they were traced exactly.
-    fn record(&self, row: &mut RowCells, rectangle: &Rectangle, moments: &[f32]) {
-        if rectangle.ends.result.flags & FLAG_EXACT != 0 && self.view.recording.is_some() {
-            row.moments.exact.push(ExactCell {
-                cell: numbers::count(row.cells.len()),
-                ray: rectangle.ray,
-                results: rectangle.ends.results(),
-            });
-        }
-        row.moments.ends.extend_from_slice(moments);
     }
 }

@@ -5,6 +5,7 @@ use super::moment_recording::LinearModel;
 use super::rectangle::Rectangle;
 use crate::lines::{EvenCell, EvenPatch, LinePatch, Piece, Slopes};
 use beamlet_core::numbers::single;
+use beamlet_interface::Ray;
 
 impl Emitter<'_> {
     /// The pieces of the lines of a patch, by height, then x.
@@ -20,7 +21,12 @@ impl Emitter<'_> {
             };
             let mut known: Option<(f32, Option<[f32; 2]>)> = None;
             for (at, piece) in line.pieces.iter().enumerate() {
-                let mut rectangle = self.rectangle_of(patch, piece, heights, z);
+                let row = patch.row as f64 + z;
+                let ray = self.view.lattice.ray(patch.beamlet, piece.middle(), row, self.view.pose);
+                let Piece { result, depth, displacement, .. } = *piece;
+                let ends = LinearModel { result, depth, displacement };
+                let mut rectangle =
+                    self.rectangle([piece.x.map(single), heights.map(single)], ray, ends);
                 if let Some(Slopes { landing, tilt }) = slopes.get(at) {
                     (rectangle.ends_z, rectangle.tilt) = (*landing, *tilt);
                 } else {
@@ -37,46 +43,18 @@ impl Emitter<'_> {
         rectangles
     }
 
-    /// The cell of a piece of a line at a height. `heights`: of the cell.
-    fn rectangle_of(
-        &self,
-        patch: &LinePatch,
-        piece: &Piece,
-        heights: [f64; 2],
-        z: f64,
-    ) -> Rectangle {
-        let landing_z = piece.result.landing_z(self.gap);
-        let row = patch.row as f64 + z;
-        Rectangle {
-            x: piece.x.map(single),
-            z: heights.map(single),
-            ray: self.view.lattice.ray(patch.beamlet, piece.middle(), row, self.view.pose),
-            ends: LinearModel {
-                result: piece.result,
-                depth: piece.depth,
-                displacement: piece.displacement,
-            },
-            displacement_variance: self.view.variance_of(&piece.result),
-            ends_z: [landing_z; 2],
-            tilt: 0.0,
-            shares: None,
-        }
+    /// A cell over intervals of x and z, whose light lands alike over its height.
+    fn rectangle(&self, [x, z]: [[f32; 2]; 2], ray: Ray, ends: LinearModel) -> Rectangle {
+        let displacement_variance = self.view.variance_of(&ends.result);
+        let ends_z = [ends.result.landing_z(self.gap); 2];
+        Rectangle { x, z, ray, ends, displacement_variance, ends_z, tilt: 0.0, shares: None }
     }
 
     /// The cells of a patch of rays that are spread evenly: nothing is interpolated between these.
     pub(super) fn rectangles_of_rays(&self, patch: &EvenPatch) -> Vec<Rectangle> {
-        let of = |cell: EvenCell| {
-            let [x, z] = cell.ray;
-            Rectangle {
-                x: cell.x,
-                z: cell.z,
-                ray: self.view.ray(patch.beamlet, patch.row, x, z),
-                ends: LinearModel::even(cell.result),
-                displacement_variance: self.view.variance_of(&cell.result),
-                ends_z: [cell.result.landing_z(self.gap); 2],
-                tilt: 0.0,
-                shares: None,
-            }
+        let of = |EvenCell { x, z, ray: at, result }: EvenCell| {
+            let ray = self.view.ray(patch.beamlet, patch.row, at[0], at[1]);
+            self.rectangle([x, z], ray, LinearModel::even(result))
         };
         patch.cells().map(of).collect()
     }

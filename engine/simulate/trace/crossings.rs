@@ -83,25 +83,11 @@ pub struct CrossingFinder {
 }
 
 impl CrossingFinder {
-    /// A finder of up to `most` (at least 1) crossings of a ray.
+    /// A finder of up to `most` (at least 1) crossings of a ray, for up to `room` rays at once.
     ///
     /// # Errors
     /// [`beamlet_core::Error::Memory`], or [`beamlet_core::Error::Device`] where the driver refuses.
     pub fn new(
-        device: &Arc<Device>,
-        kernels: &Arc<TraceKernels>,
-        sample: &Arc<DeviceSample>,
-        most: u32,
-    ) -> Result<Self> {
-        Self::of_rays(device, kernels, sample, most, RAYS)
-    }
-
-    /// As [`CrossingFinder::new`], for up to `room` rays at once.
-    ///
-    /// # Errors
-    ///
-    /// [`beamlet_core::Error::Memory`] or [`beamlet_core::Error::Device`].
-    pub(crate) fn of_rays(
         device: &Arc<Device>,
         kernels: &Arc<TraceKernels>,
         sample: &Arc<DeviceSample>,

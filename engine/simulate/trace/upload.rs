@@ -1,6 +1,6 @@
 //! The sample on the device: uploaded once, poses are records.
 
-use crate::accel::Bvh;
+use crate::accel::{Bvh, twofold};
 use beamlet_core::Result;
 use beamlet_core::numbers::{count, high_word, low_word, single};
 use beamlet_geometry as geometry;
@@ -9,7 +9,7 @@ use beamlet_interface as interface;
 use beamlet_interface::{KIND_HEIGHTS, KIND_MOVED, KIND_ROUGH, PoseTransform, Surface};
 use beamlet_model::media::{MaterialTable, ScatteringAxis, moment_words};
 use beamlet_model::scene::{Motion, Scene, Transport};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 use std::sync::Arc;
 
 /// Error of the slope, rad, above which the first order is not enough at a surface.
@@ -157,31 +157,14 @@ impl DeviceSample {
     }
 }
 
-/// Farthest that anything is from the rotation axis, m.
-fn from_axis(sample: &geometry::Sample) -> f64 {
-    let own = sample.vertices.iter().map(|[x, y, _]| DVec2::new(*x, *y).length());
+/// Largest distance of anything in the sample at most, m, by the distance of a point.
+fn farthest(sample: &geometry::Sample, distance: fn(DVec3) -> f64) -> f64 {
+    let own = sample.vertices.iter().map(|vertex| DVec3::from_array(*vertex));
     let placed = sample.placed.iter().map(|placed| {
         let [low, high] = sample.bounds_of_placed(placed);
-        low.abs().max(high.abs()).truncate().length()
+        low.abs().max(high.abs())
     });
-    own.chain(placed).fold(0.0, f64::max)
-}
-
-/// Farthest that anything is from the rotation centre at most, m.
-fn from_origin(sample: &geometry::Sample) -> f64 {
-    let own = sample.vertices.iter().map(|vertex| DVec3::from_array(*vertex).length());
-    let placed = sample.placed.iter().map(|placed| {
-        let [low, high] = sample.bounds_of_placed(placed);
-        low.abs().max(high.abs()).length()
-    });
-    own.chain(placed).fold(0.0, f64::max)
-}
-
-/// A vector in f32, and its remainder.
-fn twofold(vector: DVec3) -> [[f32; 3]; 2] {
-    let high = vector.to_array().map(single);
-    let rest = vector - DVec3::from_array(high.map(f64::from));
-    [high, rest.to_array().map(single)]
+    own.chain(placed).map(distance).fold(0.0, f64::max)
 }
 
 /// Uploads; a zero where there is nothing, for shaders that look at the first.
@@ -229,8 +212,8 @@ fn pose_transforms(scene: &Scene, sample: &geometry::Sample) -> (Vec<PoseTransfo
     let motions: Vec<Motion> = scene.poses().collect();
     let is_moved = !motions.iter().all(Motion::is_turn);
     let reach = match is_moved {
-        true => from_origin(sample) + scene.displacement(),
-        false => from_axis(sample),
+        true => farthest(sample, DVec3::length) + scene.displacement(),
+        false => farthest(sample, |point| point.truncate().length()),
     };
     let transform = |motion: &Motion| pose_transform(scene, motion, reach);
     (motions.iter().map(transform).collect(), is_moved)

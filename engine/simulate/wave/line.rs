@@ -1,22 +1,14 @@
-//! Lines of rays, and the places of their rays.
+//! Places of the rays of lines.
 
+use crate::lines::LinePlace;
 use crate::sampling::Lattice;
 use beamlet_interface::Ray;
-
-/// A line of rays.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Line {
-    /// Beamlet of the lattice.
-    pub beamlet: i64,
-    /// Row coordinate, downwards.
-    pub row: f64,
-}
 
 /// Rays of lines that are traced together, counted from line to line.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct LineRays<'a> {
     pub lattice: &'a Lattice,
-    pub lines: &'a [Line],
+    pub lines: &'a [LinePlace],
     /// Rays of a line.
     pub each: usize,
     /// Their spacing, m.

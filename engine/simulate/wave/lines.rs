@@ -2,10 +2,10 @@
 
 use super::grazing::{GrazingLight, GrazingPart, Share};
 use super::kernels::WaveKernels;
-use super::line::{Line, LineRays};
+use super::line::LineRays;
 use super::plan::WavePlan;
 use crate::illuminate::GrowingBuffer;
-use crate::lines::{Heights, Judged, Values};
+use crate::lines::{Heights, Judged, LinePlace, Values};
 use crate::sampling::Lattice;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
@@ -50,8 +50,8 @@ pub(super) struct Patch {
 
 impl Patch {
     /// The line at a height, rows below the upper border.
-    pub(super) fn line(&self, z: f64) -> Line {
-        Line { beamlet: self.beamlet, row: self.row as f64 + z }
+    pub(super) fn line(&self, z: f64) -> LinePlace {
+        LinePlace { beamlet: self.beamlet, row: self.row as f64 + z }
     }
 }
 
@@ -117,7 +117,7 @@ impl Lines {
         &mut self,
         tracer: &mut Tracer,
         lattice: &Lattice,
-        lines: &[Line],
+        lines: &[LinePlace],
         [pose, list]: [u32; 2],
     ) -> Result<Vec<LineLight>> {
         let each = self.plan.rays as usize;
@@ -132,7 +132,7 @@ impl Lines {
             let flagged = self.trace(tracer, &rays)?;
             let found = GrazingLight::find(tracer, &rays, &flagged, energies)?;
             self.take_out(&found.shares, rays.count())?;
-            let record = |(index, line): (usize, &Line)| WaveLine {
+            let record = |(index, line): (usize, &LinePlace)| WaveLine {
                 first_ray: numbers::count(index * each),
                 beamlet: numbers::narrow(line.beamlet - self.plan.beamlets.start),
             };

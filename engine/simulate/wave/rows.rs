@@ -2,15 +2,13 @@
 
 use super::band::WaveBand;
 use super::cells::CellPlaces;
-use super::line::Line;
 use super::lines::Patch;
-use crate::lines::{Features, Heights, LEAST_OF_RAYS, Limits, Uneven};
+use crate::lines::{Features, Heights, LEAST_OF_RAYS, Limits, LinePlace, Uneven};
 use crate::sampling::{CellBatch, Lattice, ProjectedBounds, SAFETY};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
-use std::collections::hash_map::Entry;
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Patches whose heights are chosen together.
@@ -128,7 +126,7 @@ impl WaveBand {
         let chosen: Vec<usize> =
             (0..touched.len()).filter(|at| touched[*at].counts_for > 0.0).collect();
         let line = |at: &usize| patches[*at].line(patches[*at].heights.middle().0);
-        let lines: Vec<Line> = chosen.iter().map(line).collect();
+        let lines: Vec<LinePlace> = chosen.iter().map(line).collect();
         let index = [view.pose, numbers::count(view.list)];
         let all = self.finer.light(tracer, view.lattice, &lines, index)?;
         let mut errors = vec![0.0; touched.len()];
@@ -150,25 +148,18 @@ impl WaveBand {
     ) -> Result<()> {
         let index = [view.pose, numbers::count(view.list)];
         loop {
-            let mut lines = Vec::new();
-            let mut known = HashMap::new();
-            let mut number = |line: Line| match known.entry((line.beamlet, line.row.to_bits())) {
-                Entry::Occupied(entry) => *entry.get(),
-                Entry::Vacant(entry) => {
-                    lines.push(line);
-                    *entry.insert(lines.len() - 1)
-                }
+            let of_patch = |patch: &Patch| -> Vec<LinePlace> {
+                patch.heights.wanted().map(|z| patch.line(z)).collect()
             };
-            let wanted: Vec<Vec<usize>> = patches
-                .iter()
-                .map(|patch| patch.heights.wanted().map(|z| number(patch.line(z))).collect())
-                .collect();
+            let wanted: Vec<Vec<LinePlace>> = patches.iter().map(of_patch).collect();
+            let lines = LinePlace::distinct(wanted.concat());
             if lines.is_empty() {
                 return Ok(());
             }
             let light = self.lines.light(tracer, view.lattice, &lines, index)?;
             for (patch, own) in patches.iter_mut().zip(wanted).filter(|(_, own)| !own.is_empty()) {
-                patch.heights.add(own.iter().map(|at| light[*at].clone()));
+                let line = |place: &LinePlace| Some(light[place.index(&lines)?].clone());
+                patch.heights.add(own.iter().filter_map(line));
             }
         }
     }

@@ -125,7 +125,7 @@ impl Bench {
     /// Finder of the crossings of a scene.
     pub(super) fn finder(&self, scene: &Scene) -> CrossingFinder {
         let sample = self.sample(Backend::Bvh, scene);
-        CrossingFinder::new(&self.device, &self.kernels, &sample, 64).expect("a finder")
+        CrossingFinder::new(&self.device, &self.kernels, &sample, 64, u32::MAX).expect("a finder")
     }
 
     pub(super) fn end(self) {

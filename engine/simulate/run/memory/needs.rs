@@ -6,6 +6,7 @@ use super::program::program;
 use super::rays::{beamlets, cell_rays};
 use crate::detector::SubpixelGrid;
 use crate::illuminate::{CellIlluminator, Gatherer};
+use crate::sampling::Lattice;
 use crate::trace::{FIRST_BATCH, LARGEST_BATCH, LISTS_BYTES, RAY_BYTES};
 use beamlet_core::{Error, Result, numbers};
 use beamlet_files::StackShape;
@@ -120,10 +121,11 @@ impl Needs {
         materials.sort_unstable();
         materials.dedup();
         let cells = scene.sampling.scheme == Scheme::Cells;
-        let beamlets = beamlets(&optics)?;
+        let lattice = Lattice::of(&optics, 0.0);
+        let beamlets = beamlets(&lattice)?;
         let [columns, rows] = optics.detector.pixels.map(u64::from);
         let [rays, row_rays] = if cells {
-            cell_rays(&optics, objects)
+            cell_rays(&optics, &lattice, objects)
         } else {
             let of_pixel = u64::from(optics.sampling.rays.count());
             // Parts of a row are traced separately.
@@ -190,19 +192,19 @@ impl Needs {
         band_rows: Option<u32>,
     ) -> Result<MemoryEstimate> {
         let mut rays = RAYS[0];
-        let all = self.rows;
-        if let Some(rows) = band_rows {
-            let rows = rows.clamp(1, all);
+        let in_bands = |rows: u64, rays: u64| {
+            let rows = u32::try_from(rows).unwrap_or(self.rows).clamp(1, self.rows);
             let left_for_lines = limit.map(|limit| self.left(limit, rows, rays));
-            return Ok(MemoryEstimate { left_for_lines, ..self.at(rows, rays) });
+            MemoryEstimate { left_for_lines, ..self.at(rows, rays) }
+        };
+        if let Some(rows) = band_rows {
+            return Ok(in_bands(rows.into(), rays));
         }
-        let Some(limit) = limit else {
-            let rows = (BAND / self.row_bytes().max(1)).clamp(1, all.into());
-            return Ok(self.at(u32::try_from(rows).unwrap_or(all), rays));
+        let Some(all_of_it) = limit else {
+            return Ok(in_bands(BAND / self.row.sum().max(1), rays));
         };
         let patch = if self.cells && self.rays > 0 { ONE_PATCH } else { 0 };
-        let all_of_it = limit;
-        let limit = limit.saturating_sub(patch);
+        let limit = all_of_it.saturating_sub(patch);
         // Rays get up to half of what one row leaves: small groups keep a device less busy.
         let one_row = self.run(1, 0).sum();
         let half = limit.saturating_sub(one_row) / 2;
@@ -214,50 +216,31 @@ impl Needs {
             return Err(self.refuse(scene, &least, [all_of_it, patch]));
         }
         let fixed = self.run(0, rays).sum();
-        let rows = ((limit - fixed) / self.row_bytes().max(1)).clamp(1, all.into());
-        let rows = u32::try_from(rows).unwrap_or(all);
-        let left_for_lines = Some(self.left(all_of_it, rows, rays));
-        Ok(MemoryEstimate { left_for_lines, ..self.at(rows, rays) })
-    }
-
-    /// Sums on the device, intensities on the host.
-    const fn row_bytes(&self) -> u64 {
-        self.row.sum()
+        Ok(in_bands((limit - fixed) / self.row.sum().max(1), rays))
     }
 
     pub(super) fn at(&self, band_rows: u32, rays_at_once: u64) -> MemoryEstimate {
         let n = self.triangles;
         let instances = self.instances();
-        let program = |bytes: HostAndDevice| HostAndDevice {
-            host: bytes.host.saturating_add(self.program),
-            ..bytes
+        let phase = |host: u64, device: u64| HostAndDevice {
+            host: host.saturating_add(self.program),
+            device,
         };
+        let uploaded = (TREE + STRUCTURE + SCRATCH) * n + instances.device;
         let phases = [
-            HostAndDevice {
-                host: PEAK_PER_TRIANGLE * self.largest_mesh + KEPT * (n - self.largest_mesh),
-                device: 0,
-            },
-            HostAndDevice {
-                host: PEAK_PER_CUT_TRIANGLE * self.cut + KEPT * (n - self.cut),
-                device: 0,
-            },
-            HostAndDevice { host: building(n + self.instances) + instances.host, device: 0 },
-            HostAndDevice {
-                host: KEPT * n + instances.host,
-                device: (TREE + STRUCTURE + SCRATCH) * n + instances.device,
-            },
-        ]
-        .map(program);
-        let run = self.run(band_rows, rays_at_once);
-        let peak = |of: fn(HostAndDevice) -> u64| {
-            phases.into_iter().chain([run]).map(of).max().unwrap_or(0)
-        };
+            phase(PEAK_PER_TRIANGLE * self.largest_mesh + KEPT * (n - self.largest_mesh), 0),
+            phase(PEAK_PER_CUT_TRIANGLE * self.cut + KEPT * (n - self.cut), 0),
+            phase(building(n + self.instances) + instances.host, 0),
+            phase(KEPT * n + instances.host, uploaded),
+            self.run(band_rows, rays_at_once),
+        ];
+        let peak = |of: fn(HostAndDevice) -> u64| phases.into_iter().map(of).max().unwrap_or(0);
         MemoryEstimate {
             band_rows,
             rays_at_once,
             batch_rays: self.batch_rays(rays_at_once),
-            row_bytes: self.row_bytes(),
-            band_bytes: self.row_bytes().saturating_mul(u64::from(band_rows) + self.beside),
+            row_bytes: self.row.sum(),
+            band_bytes: self.row.sum().saturating_mul(u64::from(band_rows) + self.beside),
             host_bytes: peak(|b| b.host),
             device_bytes: peak(|b| b.device),
             peak_bytes: peak(HostAndDevice::sum),

@@ -9,8 +9,7 @@ use beamlet_model::optics::Optics;
 const BEAMLETS: u64 = 1 << 24;
 
 /// Beamlets whose light reaches the pixels that take it.
-pub(super) fn beamlets(optics: &Optics) -> Result<u64> {
-    let lattice = Lattice::of(optics, 0.0);
+pub(super) fn beamlets(lattice: &Lattice) -> Result<u64> {
     let count = lattice.beamlets.end.abs_diff(lattice.beamlets.start);
     if count <= BEAMLETS {
         return Ok(count);
@@ -26,8 +25,7 @@ pub(super) fn beamlets(optics: &Optics) -> Result<u64> {
 }
 
 /// Rays of the patches touched by objects in any view that are sampled together, about, and those of one row.
-pub(super) fn cell_rays(optics: &Optics, objects: &[ObjectSummary]) -> [u64; 2] {
-    let lattice = Lattice::of(optics, 0.0);
+pub(super) fn cell_rays(optics: &Optics, lattice: &Lattice, objects: &[ObjectSummary]) -> [u64; 2] {
     let beamlets = lattice.beamlets.end.abs_diff(lattice.beamlets.start) as f64;
     let rows = f64::from(optics.detector.pixels[1]);
     let source = optics.rotation;

@@ -2,7 +2,7 @@
 
 use super::Simulation;
 use crate::sampling::ProjectedBounds;
-use crate::trace::{CrossingFinder, Ray};
+use crate::trace::Ray;
 use beamlet_core::{Error, Result};
 use beamlet_files::SearchCounts;
 use beamlet_gpu::{Backend, DeviceDescription, DeviceKind};
@@ -92,12 +92,8 @@ impl Simulation {
     #[doc(hidden)]
     pub fn search_counts(&self) -> Result<SearchCounts> {
         let rays = self.counted_rays();
-        let room = beamlet_core::numbers::count(rays.len());
-        let kernels = self.simulator.trace_kernels();
-        let finder =
-            CrossingFinder::of_rays(self.device(), kernels, &self.on_device, MOST_CROSSINGS, room)?;
         let mut crossings = 0;
-        finder.find(&rays, |_, met| crossings += met.len())?;
+        self.finder(MOST_CROSSINGS, rays.len())?.find(&rays, |_, met| crossings += met.len())?;
         let mean = crossings as f64 / rays.len().max(1) as f64;
         Ok(SearchCounts::new(self.on_device.leaves, mean))
     }

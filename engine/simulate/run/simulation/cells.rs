@@ -4,7 +4,7 @@ use super::Simulation;
 use super::light::Pose;
 use crate::sampling::{self, CellBatch, Responses};
 use crate::trace::Tracer;
-use beamlet_core::Result;
+use beamlet_core::{Cancel, Result};
 use beamlet_model::scene::Exposure;
 use std::ops::Range;
 
@@ -14,7 +14,7 @@ use std::ops::Range;
 /// # Errors
 /// As [`Simulation::run`].
 pub fn cells_of_rows(simulation: &Simulation, pose: u32, rows: Range<i64>) -> Result<CellBatch> {
-    let mut tracer = simulation.tracer()?;
+    let mut tracer = simulation.tracer(&Cancel::default())?;
     let shadows = simulation.projected_bounds(pose);
     let pose = Pose { view: Exposure::Sample(simulation.view_of(pose)), index: pose, shadows };
     let responses = Responses::new(vec![simulation.response(pose.view)]);

@@ -1,8 +1,8 @@
 //! Single rays through the sample: their results, moments and crossings.
 
 use super::Simulation;
-use crate::trace::{CrossingFinder, Moments, Ray, RayResult, SurfaceCrossing, Tracer};
-use beamlet_core::{Cancel, Error, Result};
+use crate::trace::{CrossingFinder, Moments, Ray, RayResult, SurfaceCrossing};
+use beamlet_core::{Cancel, Error, Result, numbers};
 use beamlet_interface as interface;
 use beamlet_model::media::MaterialTable;
 
@@ -13,7 +13,7 @@ use beamlet_model::media::MaterialTable;
 /// [`Error::Device`], [`Error::Memory`]; [`Error::Argument`] for a pose that is not there.
 pub fn trace(simulation: &Simulation, rays: &[interface::Ray]) -> Result<Vec<RayResult>> {
     simulation.check_poses(rays.iter().map(|ray| ray.pose))?;
-    simulation.tracer()?.trace(rays)
+    simulation.tracer(&Cancel::default())?.trace(rays)
 }
 
 /// Traces rays and returns their results and first-order moments.
@@ -25,7 +25,7 @@ pub fn moments(
     rays: &[interface::Ray],
 ) -> Result<(Vec<RayResult>, Moments)> {
     simulation.check_poses(rays.iter().map(|ray| ray.pose))?;
-    let mut tracer = simulation.tracer()?;
+    let mut tracer = simulation.tracer(&Cancel::default())?;
     let (results, words) = tracer.trace_with_moments(rays)?;
     Ok((results, Moments::new(words, simulation.on_device.materials, tracer.moment_words())))
 }
@@ -35,17 +35,6 @@ impl Simulation {
     #[doc(hidden)]
     pub const fn media(&self) -> &MaterialTable {
         &self.media
-    }
-
-    /// A tracer of single rays on the chosen backend, which `cancel` ends.
-    ///
-    /// # Errors
-    /// [`Error::Device`], [`Error::Memory`].
-    #[doc(hidden)]
-    pub fn tracer_of_rays(&self, cancel: &Cancel) -> Result<Tracer> {
-        let mut tracer = self.tracer()?;
-        tracer.set_cancel(cancel.clone());
-        Ok(tracer)
     }
 
     fn check_poses(&self, mut poses: impl Iterator<Item = u32>) -> Result<()> {
@@ -88,7 +77,12 @@ impl Simulation {
         visit: impl FnMut(usize, &[SurfaceCrossing]),
     ) -> Result<()> {
         self.check_poses(rays.iter().map(|ray| ray.pose))?;
-        let kernels = self.simulator.trace_kernels();
-        CrossingFinder::new(self.device(), kernels, &self.on_device, most)?.find(rays, visit)
+        self.finder(most, rays.len())?.find(rays, visit)
+    }
+
+    /// A finder of up to `most` crossings of each of some rays.
+    pub(super) fn finder(&self, most: u32, rays: usize) -> Result<CrossingFinder> {
+        let (kernels, room) = (self.simulator.trace_kernels(), numbers::at_most(rays));
+        CrossingFinder::new(self.device(), kernels, &self.on_device, most, room)
     }
 }

@@ -6,7 +6,7 @@ mod share;
 use super::Simulation;
 use super::light::{Light, LitRows, Pose};
 use super::seconds::Seconds;
-use crate::detector::Clipped;
+use crate::detector::Frame;
 use crate::run::{Control, Progress, ViewProgress};
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;
@@ -112,10 +112,22 @@ impl<'s> ViewWork<'s> {
         self.seconds.noise += begin.elapsed().as_secs_f64();
         let begin = Instant::now();
         sink.write(view, band.clone(), intensities.view())?;
-        if let Some(frame) = counts {
-            self.count_clipped(frame.clipped);
-            sink.write_counts(view, band.clone(), frame.numbers.view())?;
-        }
+        self.seconds.write += begin.elapsed().as_secs_f64();
+        counts.map_or(Ok(()), |frame| self.write_counts(view, band, &frame, sink))
+    }
+
+    /// Hands the detector numbers of a band to its sink.
+    fn write_counts(
+        &mut self,
+        view: Exposure,
+        band: &Range<u32>,
+        frame: &Frame,
+        sink: &mut dyn Sink,
+    ) -> Result<()> {
+        self.tally.saturated += frame.clipped.high;
+        self.tally.clipped_at_zero += frame.clipped.low;
+        let begin = Instant::now();
+        sink.write_counts(view, band.clone(), frame.numbers.view())?;
         self.seconds.write += begin.elapsed().as_secs_f64();
         Ok(())
     }
@@ -150,11 +162,6 @@ impl<'s> ViewWork<'s> {
         Ok(intensities)
     }
 
-    fn count_clipped(&mut self, clipped: Clipped) {
-        self.tally.saturated += clipped.high;
-        self.tally.clipped_at_zero += clipped.low;
-    }
-
     /// Dark frames need no light.
     fn dark(&mut self, view: Exposure, sinks: &mut [&mut dyn Sink]) -> Result<()> {
         for (design, sink) in self.designs.iter().zip(sinks) {
@@ -163,10 +170,7 @@ impl<'s> ViewWork<'s> {
                 let begin = Instant::now();
                 let frame = noise.dark(view.index(), band.clone(), &self.cancel)?;
                 self.seconds.noise += begin.elapsed().as_secs_f64();
-                self.count_clipped(frame.clipped);
-                let begin = Instant::now();
-                sink.write_counts(view, band, frame.numbers.view())?;
-                self.seconds.write += begin.elapsed().as_secs_f64();
+                self.write_counts(view, &band, &frame, &mut **sink)?;
             }
         }
         Ok(())

@@ -36,8 +36,7 @@ pub(super) struct Lines<'s> {
 impl<'s> Lines<'s> {
     pub(super) fn new(designs: &'s [Simulation], cancel: &Cancel) -> Result<Self> {
         let simulation = &designs[0];
-        let mut tracer = simulation.tracer()?;
-        tracer.set_cancel(cancel.clone());
+        let tracer = simulation.tracer(cancel)?;
         let [walk, exact] = tracer.wanted_kernels();
         LazyKernel::make_all(&[exact, walk, CellLight::kernel(simulation)], cancel)?;
         Ok(Self {

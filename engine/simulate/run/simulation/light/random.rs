@@ -43,8 +43,7 @@ impl<'s> Random<'s> {
         let (device, optics) = (simulation.device(), simulation.detector.optics());
         let (lattice, scene) = (&simulation.lattice, &simulation.scene);
         let kernels = simulation.simulator.random_kernels();
-        let mut tracer = simulation.tracer_of_batches()?;
-        tracer.set_cancel(cancel.clone());
+        let tracer = simulation.tracer_of_batches(cancel)?;
         let [rays, light] = kernels.all(ApertureEdges::of(optics));
         let walks = tracer.wanted_kernels();
         let walks = if simulation.sample.is_empty() { &[][..] } else { &walks[..] };

@@ -44,8 +44,7 @@ impl<'s> Waves<'s> {
         cancel: &Cancel,
     ) -> Result<Self> {
         let kernels = simulation.simulator.wave_kernels();
-        let mut tracer = simulation.tracer()?;
-        tracer.set_cancel(cancel.clone());
+        let tracer = simulation.tracer(cancel)?;
         let [field, line] = kernels.all();
         let [walk, exact] = tracer.wanted_kernels();
         let traced = [exact, walk, CellLight::kernel(simulation)];
