@@ -1,6 +1,8 @@
 // Coefficients of Joseph's projector, the same for both directions: a ray crosses a slice of the volume
 // between two voxels, and counts in each by one minus its distance in voxels.
 
+#include "reconstruct/slices.glsl"
+
 // A ray in the slices of its sheet: values in the middle slice, and changes from slice to slice.
 struct Line {
     // Voxels from the middle of the slice.
@@ -19,11 +21,6 @@ Line line_at(Sheet sheet, float place) {
     return Line(across * per, vec2(sheet.scale, sheet.scale_by_slice) * per, depth * per);
 }
 
-float along(vec2 law, float slice) { return law.x + law.y * slice; }
-
-// Share of the side of a voxel at `voxel` that a ray at `place` gets.
-float share(float place, float voxel) { return max(0.0, 1.0 - abs(place - voxel)); }
-
 // Weight of a voxel in the angle of a ray.
 float arm(Line line, float slice) {
     if (push.arm == ARM_NONE) return 1.0;
@@ -39,11 +36,3 @@ vec2 height_of(Line line, uint row) {
     return vec2(height.x - push.plane_zero, height.y);
 }
 #endif
-
-// Whole numbers from `low` to `high`: the first, and one behind the last, from 0 to `count`. A little
-// more than there are: coefficients decide.
-ivec2 between(float low, float high, uint count) {
-    float end = float(count);
-    return ivec2(int(ceil(clamp(low - 1e-3, 0.0, end))),
-                 int(floor(clamp(high + 1e-3, -1.0, end - 1.0))) + 1);
-}

@@ -1,6 +1,8 @@
 // Coefficients of Joseph's projector for views with motions of their own, the same for both directions.
 // A ray is (1, place, row).
 
+#include "reconstruct/slices.glsl"
+
 // A ray in the slices across its axis: values in the middle slice, and changes from slice to slice.
 struct MovedLine {
     // Voxels from the middle of the slice, along the first and the second of the other axes.
@@ -11,8 +13,6 @@ struct MovedLine {
 };
 
 float linear(vec3 law, vec3 ray) { return law.x + law.y * ray.y + law.z * ray.z; }
-
-float along(vec2 law, float slice) { return law.x + law.y * slice; }
 
 // Axis that a ray of a view runs along: the one with most slices per depth. Both directions have to
 // find the same, whatever a compiler does to sums.
@@ -37,9 +37,6 @@ MovedLine line_at(MovedSheet sheet, vec3 ray) {
     return MovedLine(first * per, second * per, depth * per);
 }
 
-// Share of the side of a voxel at `voxel` that a ray at `place` gets.
-float share(float place, float voxel) { return max(0.0, 1.0 - abs(place - voxel)); }
-
 // Factor by which a voxel counts for what it does to the angle of a ray there.
 float arm(MovedLine line, float slice) {
     if (push.arm == ARM_NONE) return 1.0;
@@ -51,11 +48,3 @@ float arm(MovedLine line, float slice) {
 
 // The other two axes.
 uvec2 others(uint axis) { return uvec2(axis == 0u ? 1u : 0u, axis == 2u ? 1u : 2u); }
-
-// Whole numbers from `low` to `high`: the first, and one behind the last, from 0 to `count`. A little
-// more than there are: coefficients decide.
-ivec2 between(float low, float high, uint count) {
-    float end = float(count);
-    return ivec2(int(ceil(clamp(low - 1e-3, 0.0, end))),
-                 int(floor(clamp(high + 1e-3, -1.0, end - 1.0))) + 1);
-}

@@ -6,13 +6,7 @@ layout(local_size_x = GROUP) in;
 
 #include "interface/ProjectPush.glsl"
 #include "reconstruct/joseph.glsl"
-
-// Slices, counted from 0, where a law lies between two values.
-ivec2 slices_between(vec2 law, float low, float high, float middle, uint count) {
-    float slope = abs(law.y) < 1e-9 ? 1e-9 : law.y;
-    vec2 at = (vec2(low, high) + vec2(-1e-3, 1e-3) - law.x) / slope + middle;
-    return between(min(at.x, at.y), max(at.x, at.y), count);
-}
+#include "reconstruct/gather.glsl"
 
 void main() {
     uint ray = push.first + gl_GlobalInvocationID.x;
@@ -50,19 +44,13 @@ void main() {
         for (int slice = slices.x; slice < slices.y; slice++) {
             float at = float(slice) - middle_slice;
             float cross = along(line.cross, at) + middle;
-            float left = floor(cross);
-            int voxel = int(left);
-            uint from = start + uint(slice) * slice_stride;
-            float a = push.volume.at[from + uint(clamp(voxel, 0, int(size) - 1)) * stride];
-            float b = push.volume.at[from + uint(clamp(voxel + 1, 0, int(size) - 1)) * stride];
-            a = voxel >= 0 && voxel < int(size) ? a * share(cross, left) : 0.0;
-            b = voxel >= -1 && voxel < int(size) - 1 ? b * share(cross, left + 1.0) : 0.0;
+            float value = pair(start + uint(slice) * slice_stride, stride, cross, size);
 #ifdef CONE
-            sum += (a + b) * share(along(height, at), place) * arm(line, at);
+            sum += value * share(along(height, at), place) * arm(line, at);
         }
     }
 #else
-            sum += (a + b) * arm(line, at);
+            sum += value * arm(line, at);
         }
 #endif
     push.rays.at[ray] = sum;

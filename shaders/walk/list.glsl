@@ -35,23 +35,16 @@ bool later(Crossing a, Crossing b) {
     return (a.facet & FACET_LEAF) > (b.facet & FACET_LEAF);
 }
 
-// The crossing of a primitive, where the ray crosses it behind `after`.
-bool crosses(Beam beam, uint primitive, Leaf leaf, Gathered list, out Crossing crossing) {
-    crossing = Crossing(0.0, primitive, leaf.surface & SURFACE_INDEX);
-    Facet facet = facet_of(beam, leaf);
-    if (!facet.crossed || primitive == list.except) return false;
-    crossing.y = place_of(slope_of(beam), facet, beam_from_world_direction(beam, leaf.normal));
-    if (facet.entering) crossing.facet |= FACET_ENTERED;
-    return crossing.y >= list.after;
-}
-
 // Takes a crossing; each kernel has its own.
 void list_add(inout Gathered list, Crossing crossing);
 
 // A candidate of the search.
 void visit(Beam beam, uint primitive, Leaf leaf, inout Gathered list) {
-    Crossing crossing;
-    if (crosses(beam, primitive, leaf, list, crossing)) list_add(list, crossing);
+    Facet facet = facet_of(beam, leaf);
+    if (!facet.crossed || primitive == list.except) return;
+    float y = place_of(slope_of(beam), facet, beam_from_world_direction(beam, leaf.normal));
+    uint own = primitive | (facet.entering ? FACET_ENTERED : 0u);
+    if (y >= list.after) list_add(list, Crossing(y, own, leaf.surface & SURFACE_INDEX));
 }
 
 #ifdef PLACED

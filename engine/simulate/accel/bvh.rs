@@ -256,9 +256,7 @@ impl Bvh {
         let of = |i: &u32| across.get(*i as usize).map_or([NO_LEAF; 3], |it| it.map(leaf_of));
         self.neighbours.extend(order.iter().map(of));
     }
-}
 
-impl Bvh {
     fn append_normals(&mut self, order: &[u32], of: &[CornerNormals]) {
         let none = CornerNormals::default();
         let in_order = order.iter().map(|i| of.get(*i as usize).copied().unwrap_or(none));

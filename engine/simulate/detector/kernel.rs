@@ -178,7 +178,6 @@ impl Measured {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ndarray::array;
 
     /// Middle-point sums in place of closed forms.
     fn brute(density: impl Fn(f64) -> f64, reach: f64, low: f64, high: f64) -> f64 {
@@ -212,27 +211,5 @@ mod tests {
             assert!((got - brute(gaussian, 2.4, low, high)).abs() < 2e-6);
             assert!((spread.landing(low, high) - brute(samples, 0.6, low, high)).abs() < 2e-3);
         }
-    }
-
-    #[test]
-    fn weights_keep_the_light_and_the_direction() {
-        // All light goes two samples of half a pixel to the right and one row down.
-        let samples = array![[0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 5], [0.0, 0.0, 0.0, 0.0, 1.0]];
-        let measured = Measured { samples, size: [0.5, 1.0] };
-        let weights = measured.weights([2, 2], [1, 1]);
-        assert!((weights.sum() - 1.0).abs() < 1e-12);
-        // It comes from the pixel above, one to the left. Light even over a pixel, moved evenly by
-        // up to w/2, stays in it but for w/4: 7/8 of it between columns and 3/4 between rows, and
-        // as much on either side of them.
-        let [columns, rows] = [[1.0 / 16.0, 7.0 / 8.0, 1.0 / 16.0], [1.0 / 8.0, 0.75, 1.0 / 8.0]];
-        for ((row, column), weight) in weights.indexed_iter() {
-            let share = |of: [f64; 3], at: usize| of.get(at).copied().unwrap_or(0.0);
-            let want = share(rows, row) * share(columns, column);
-            assert!((weight - want).abs() < 1e-12, "row {row}, column {column}: {weights}");
-        }
-        let middle: f64 = weights.indexed_iter().map(|((_, i), w)| w * (i as f64 - 2.0)).sum();
-        assert!((middle + 1.0).abs() < 1e-12, "{weights}");
-        let middle: f64 = weights.indexed_iter().map(|((j, _), w)| w * (j as f64 - 2.0)).sum();
-        assert!((middle + 1.0).abs() < 1e-12, "{weights}");
     }
 }

@@ -62,33 +62,24 @@ impl Moved {
 
 /// Light of a line, as heights are judged by it.
 pub(crate) trait Judged {
+    fn judged(&self) -> JudgedLight<'_>;
+}
+
+/// Properties of the light of a line by which heights are judged.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct JudgedLight<'a> {
     /// Recorded values.
-    fn values(&self) -> Values<'_>;
-
+    pub values: Values<'a>,
     /// Light times its displacement along x, of each mask step, as an error of light; none where that does not count.
-    fn displaced(&self) -> &[f32] {
-        &[]
-    }
-
+    pub displaced: &'a [f32],
     /// Light that is displaced along z, of each mask step; none where light stays in its row.
-    fn moved(&self) -> &[Moved] {
-        &[]
-    }
-
+    pub moved: &'a [Moved],
     /// Largest displacement of the light, rows.
-    fn farthest(&self) -> f64 {
-        0.0
-    }
-
+    pub farthest: f64,
     /// Hash of the surfaces that its rays cross, in their order.
-    fn structure(&self) -> u32 {
-        0
-    }
-
+    pub structure: u32,
     /// Its rays that are random samples; nothing where that is unknown.
-    fn draws(&self) -> Option<Draws> {
-        None
-    }
+    pub draws: Option<Draws>,
 }
 
 /// Limits of a beamlet and row.
@@ -203,7 +194,8 @@ impl<L: Judged + Clone> Heights<L> {
     pub(crate) fn add(&mut self, light: impl Iterator<Item = L>) {
         let wanted = self.lines.iter_mut().filter(|line| line.light.is_none());
         for (line, light) in wanted.zip(light) {
-            self.is_random |= self.rough && light.draws().is_none_or(|draws| draws.are_any());
+            self.is_random |=
+                self.rough && light.judged().draws.is_none_or(|draws| draws.are_any());
             line.light = Some(light);
         }
         for at in 0..self.lines.len() - 1 {
@@ -366,7 +358,9 @@ impl<L: Judged + Clone> Heights<L> {
 
     /// Squared errors of the intervals by random samples; none where there are no samples.
     fn squares_of_draws(&self) -> Vec<f64> {
-        let of = |line: &Placed<L>| line.light.as_ref().and_then(L::draws).unwrap_or_default();
+        let of = |line: &Placed<L>| {
+            line.light.as_ref().and_then(|light| light.judged().draws).unwrap_or_default()
+        };
         let all = self.lines.iter().map(of).fold(Draws::default(), Draws::and);
         if !all.are_any() {
             return Vec::new();

@@ -1,8 +1,8 @@
 //! Light of lines: what windows record of the pieces of a line, for each mask step.
 
-use super::heights::{Draws, Judged, Moved};
+use super::heights::{Draws, Judged, JudgedLight, Moved};
 use super::line::{Neighbours, PER_BEND, PER_JUMP, Piece, Source, open_share};
-use super::window_light::{Values, WindowLight};
+use super::window_light::WindowLight;
 use crate::sampling::{Landed, Opening, Response, ViewContext};
 use beamlet_core::numbers::single;
 use beamlet_interface::{FLAG_NOT_FINITE, NO_LIGHT, RayResult};
@@ -60,28 +60,15 @@ impl LitLine {
 }
 
 impl Judged for std::sync::Arc<LitLine> {
-    fn values(&self) -> Values<'_> {
-        self.light.values()
-    }
-
-    fn displaced(&self) -> &[f32] {
-        &self.displaced
-    }
-
-    fn moved(&self) -> &[Moved] {
-        &self.moved
-    }
-
-    fn farthest(&self) -> f64 {
-        self.farthest.into()
-    }
-
-    fn structure(&self) -> u32 {
-        self.structure
-    }
-
-    fn draws(&self) -> Option<Draws> {
-        Some(self.draws)
+    fn judged(&self) -> JudgedLight<'_> {
+        JudgedLight {
+            values: self.light.values(),
+            displaced: &self.displaced,
+            moved: &self.moved,
+            farthest: self.farthest.into(),
+            structure: self.structure,
+            draws: Some(self.draws),
+        }
     }
 }
 

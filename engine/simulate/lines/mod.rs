@@ -27,7 +27,7 @@ mod slopes;
 mod window_light;
 
 pub(crate) use even::{EvenCell, EvenPatch};
-pub(crate) use heights::{Features, Heights, Judged, LEAST_OF_RAYS, Limits, Uneven};
+pub(crate) use heights::{Features, Heights, Judged, JudgedLight, LEAST_OF_RAYS, Limits, Uneven};
 pub(crate) use line::{LinePlace, Piece};
 pub(crate) use patch_places::PatchPlaces;
 pub(crate) use patches::{LinePatch, LineSampler, Sampled};

@@ -67,25 +67,7 @@ impl Control<'_> {
             .with_counted(directory.counted())
             .with_views(directory.part())
     }
-}
 
-/// Calls `work` with a watcher of the loading of objects that reports to `progress`.
-pub fn watching<T>(
-    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
-    cancel: &Cancel,
-    work: impl FnOnce(Watcher<'_>) -> T,
-) -> T {
-    let cancel = cancel.clone();
-    match progress {
-        None => work(Watcher { progress: None, cancel }),
-        Some(progress) => {
-            let mut report = |loading| progress(Progress::Loading(loading));
-            work(Watcher { progress: Some(&mut report), cancel })
-        }
-    }
-}
-
-impl Control<'_> {
     /// Does one step of the preparation, which cannot look whether to stop, as
     /// [`Cancel::leaving`] does it.
     ///
@@ -105,6 +87,22 @@ impl Control<'_> {
         };
         look();
         self.cancel.leaving(&mut look, work)
+    }
+}
+
+/// Calls `work` with a watcher of the loading of objects that reports to `progress`.
+pub fn watching<T>(
+    progress: Option<&mut (dyn FnMut(Progress) + '_)>,
+    cancel: &Cancel,
+    work: impl FnOnce(Watcher<'_>) -> T,
+) -> T {
+    let cancel = cancel.clone();
+    match progress {
+        None => work(Watcher { progress: None, cancel }),
+        Some(progress) => {
+            let mut report = |loading| progress(Progress::Loading(loading));
+            work(Watcher { progress: Some(&mut report), cancel })
+        }
     }
 }
 

@@ -4,7 +4,6 @@
 //! Bytes per triangle and the like are measured (docs/performance.md, "Memory").
 
 mod ask;
-mod building;
 mod needs;
 mod program;
 mod rays;
@@ -14,7 +13,6 @@ pub use ask::check_before_loading;
 use beamlet_core::{Result, numbers};
 pub use beamlet_geometry::{ObjectSummary, PEAK_PER_CUT_TRIANGLE, PEAK_PER_TRIANGLE};
 use beamlet_model::scene::Scene;
-use building::building;
 use needs::Needs;
 use serde::Serialize;
 

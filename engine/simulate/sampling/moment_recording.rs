@@ -84,12 +84,6 @@ impl MomentRecording {
         (differs(|c| c.mu) && differs(|c| c.delta)).then_some(material)
     }
 
-    /// Differences of mu and delta from the surroundings.
-    fn step(&self, material: usize) -> [f64; 2] {
-        let (inside, outside) = (&self.reference[material], &self.reference[0]);
-        [inside.mu - outside.mu, inside.delta - outside.delta]
-    }
-
     /// Appends the moments that follow from a result.
     fn push_from_result(&self, result: &RayResult, material: usize, moments: &mut Vec<f32>) {
         let first = moments.len();
@@ -97,7 +91,8 @@ impl MomentRecording {
         if result.crossings == 0 {
             return;
         }
-        let [mu, delta] = self.step(material);
+        let (inside, outside) = (&self.reference[material], &self.reference[0]);
+        let (mu, delta) = (inside.mu - outside.mu, inside.delta - outside.delta);
         for (i, number) in numbers(result).into_iter().enumerate() {
             let moment = single(number / if i == 0 { mu } else { delta });
             moments[first + material * MOMENTS_PER_MATERIAL + i] = moment;

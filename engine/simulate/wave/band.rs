@@ -2,7 +2,7 @@
 
 use super::kernels::WaveKernels;
 use super::lines::{Lines, Patch};
-use super::plan::{WavePlan, WavePlans};
+use super::plan::WavePlans;
 use super::rows::WaveView;
 use beamlet_core::numbers::{self, single};
 use beamlet_core::{Error, Result, reserve};
@@ -26,7 +26,6 @@ struct FlatLight {
 /// Sums of light of a band, in integers: they do not depend on the order of terms.
 #[derive(Debug)]
 pub(crate) struct WaveBand {
-    pub(super) plan: Arc<WavePlan>,
     pub(super) lines: Lines,
     /// Lines of half the spacing, for estimates.
     pub(super) finer: Lines,
@@ -50,7 +49,6 @@ impl WaveBand {
         columns: u32,
     ) -> Result<Self> {
         Ok(Self {
-            plan: plans.rays.clone(),
             lines: Lines::new(device, &plans.rays, kernels)?,
             finer: Lines::new(device, &plans.finer, kernels)?,
             without_rays: Lines::new(device, &plans.flat, kernels)?,
@@ -87,8 +85,8 @@ impl WaveBand {
         let all = self.without_rays.flat(list)?;
         let [steps, _, columns] = self.shape;
         let mut sums = vec![0_i64; steps * columns];
-        let stride = self.plan.most_pixels as usize;
-        for (own, (first, count)) in all.chunks(steps * stride).zip(&self.plan.pixels) {
+        let stride = self.lines.plan.most_pixels as usize;
+        for (own, (first, count)) in all.chunks(steps * stride).zip(&self.lines.plan.pixels) {
             for (step, values) in own.chunks(stride).enumerate() {
                 let from = step * columns + *first as usize;
                 let pixels = &mut sums[from..from + *count as usize];
@@ -102,17 +100,17 @@ impl WaveBand {
     /// Adds the light of a patch less its flat, blurred over rows.
     pub(super) fn add_patch(&mut self, view: &WaveView<'_>, patch: &Patch) {
         let [steps, rows, columns] = self.shape;
-        let index = numbers::narrow::<usize>(patch.beamlet - self.plan.beamlets.start);
-        let (first, count) = self.plan.pixels[index];
+        let index = numbers::narrow::<usize>(patch.beamlet - self.lines.plan.beamlets.start);
+        let (first, count) = self.lines.plan.pixels[index];
         let values = self.lines.values();
-        let stride = self.plan.most_pixels as usize;
+        let stride = self.lines.plan.most_pixels as usize;
         let flat = &self.flats[&view.list].beamlets[index * values..][..values];
         let reach = view.lattice.blur_rows;
         for (row, down) in (-reach..=reach).map(|down| (patch.row + down - self.first_row, down)) {
             let Some(row) = usize::try_from(row).ok().filter(|row| *row < rows) else { continue };
             let weights = patch
                 .heights
-                .weights(|ends| view.lattice.linear_in_row(ends, self.plan.row_shift, down));
+                .weights(|ends| view.lattice.linear_in_row(ends, self.lines.plan.row_shift, down));
             for (line, share) in patch.heights.light().zip(weights) {
                 for step in 0..steps {
                     let from = (step * rows + row) * columns + first as usize;

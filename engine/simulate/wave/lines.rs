@@ -5,7 +5,7 @@ use super::kernels::WaveKernels;
 use super::line::LineRays;
 use super::plan::WavePlan;
 use crate::illuminate::GrowingBuffer;
-use crate::lines::{Heights, Judged, LinePlace, Values};
+use crate::lines::{Heights, Judged, JudgedLight, LinePlace, Values};
 use crate::sampling::Lattice;
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
@@ -32,8 +32,9 @@ pub(super) struct LineLight {
 }
 
 impl Judged for LineLight {
-    fn values(&self) -> Values<'_> {
-        Values { first: 0, values: &self.light }
+    fn judged(&self) -> JudgedLight<'_> {
+        let values = Values { first: 0, values: &self.light };
+        JudgedLight { values, ..JudgedLight::default() }
     }
 }
 
@@ -59,7 +60,7 @@ impl Patch {
 #[derive(Debug)]
 pub(super) struct Lines {
     device: Arc<Device>,
-    plan: Arc<WavePlan>,
+    pub(super) plan: Arc<WavePlan>,
     kernels: Arc<WaveKernels>,
     fields: GrowingBuffer,
     /// Variances of materials that scatter, where the sample has any.

@@ -63,7 +63,7 @@ impl WaveBand {
         rows: &Range<i64>,
     ) -> Result<(Tally, Vec<CellBatch>)> {
         let touched = self.touched(view, rows);
-        let most = numbers::whole::<u32>(f64::from(view.max_rays / self.plan.rays)).max(3);
+        let most = numbers::whole::<u32>(f64::from(view.max_rays / self.lines.plan.rays)).max(3);
         let limits = Limits {
             error: BY_HEIGHTS * view.tolerance,
             lines: most as usize,
@@ -73,7 +73,7 @@ impl WaveBand {
             thin: BY_HEIGHTS * view.tolerance,
         };
         let mut tally = Tally::default();
-        let mut cells = vec![CellBatch::default(); self.plan.energies as usize];
+        let mut cells = vec![CellBatch::default(); self.lines.plan.energies as usize];
         for some in touched.chunks(PATCHES) {
             let patch = |it: &Touched| Patch {
                 beamlet: it.beamlet,
@@ -87,7 +87,7 @@ impl WaveBand {
                 self.add_patch(view, patch);
                 let errors = [patch.heights.error(), change];
                 let of_patch =
-                    tally_of(patch, errors, at.counts_for, self.plan.rays, view.tolerance);
+                    tally_of(patch, errors, at.counts_for, self.lines.plan.rays, view.tolerance);
                 let of_rays = view.cells.add(&mut cells, view.lattice, patch);
                 let grazing_light = numbers::whole((of_rays * 1e9).round());
                 tally = tally + Tally { grazing_light, ..of_patch };
@@ -100,7 +100,7 @@ impl WaveBand {
     /// Patches that shadows touch, in order.
     fn touched(&self, view: &WaveView<'_>, rows: &Range<i64>) -> Vec<Touched> {
         let mut found: BTreeMap<i64, BTreeMap<i64, Features>> = BTreeMap::new();
-        let all = &self.plan.beamlets;
+        let all = &self.lines.plan.beamlets;
         for shadow in view.shadows {
             let [own, beamlets] = shadow.patches(view.lattice);
             // Lines reach over the borders of their beamlet.

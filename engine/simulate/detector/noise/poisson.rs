@@ -129,13 +129,13 @@ mod tests {
 
     /// Bins of counts of draws against the exact probabilities: the sum of squares over
     /// expected numbers is chi-squared, held to 5 of its standard deviations.
-    fn chi_squared(mean: f64, shift: f64) -> [f64; 2] {
+    fn chi_squared(mean: f64) -> [f64; 2] {
         let draws = 200_000_u32;
         let low = (mean - 4.0 * mean.sqrt()).floor().max(0.0);
         let bins = whole::<usize>((8.0 * mean.sqrt()).ceil()) + 3;
         let mut found = vec![0.0; bins];
         for place in 0..draws {
-            let count = poisson(mean + shift, &mut Draws::new(7, [place, 0, 0], 1));
+            let count = poisson(mean, &mut Draws::new(7, [place, 0, 0], 1));
             let bin = whole::<usize>((count - low + 1.0).clamp(0.0, bins as f64 - 1.0));
             found[bin] += 1.0;
         }
@@ -164,21 +164,9 @@ mod tests {
     #[test]
     fn draws_have_the_poisson_distribution() {
         for mean in [0.02, 0.5, 3.0, 9.99, 10.01, 25.0, 300.0, 5000.0] {
-            let [sum, freedom] = chi_squared(mean, 0.0);
+            let [sum, freedom] = chi_squared(mean);
             let score = (sum - freedom) / (2.0 * freedom.max(1.0)).sqrt();
             assert!(score < 5.0, "mean {mean}: chi-squared {sum} of {freedom}");
-        }
-    }
-
-    /// The test sees a mean that is off by three standard errors' worth of draws.
-    #[test]
-    fn a_wrong_mean_fails_the_test_of_the_distribution() {
-        for mean in [0.5, 25.0, 300.0] {
-            let [sum, freedom] = chi_squared(mean, 0.03 * f64::sqrt(mean));
-            assert!(
-                (sum - freedom) / (2.0 * freedom).sqrt() > 5.0,
-                "mean {mean}: {sum}, {freedom}"
-            );
         }
     }
 

@@ -185,15 +185,15 @@ impl<L: Judged + Clone> Heights<L> {
     /// Light at the ends of the interval below a line.
     fn rise(&self, at: usize) -> Option<Rise<'_>> {
         let light = |at: usize| self.lines.get(at)?.light.as_ref();
-        let ends = [light(at)?, light(at + 1)?];
-        let farthest = ends[0].farthest().max(ends[1].farthest());
-        let is_broken = ends[0].structure() != ends[1].structure();
-        let moved = ends.map(L::moved);
+        let ends = [light(at)?, light(at + 1)?].map(L::judged);
+        let farthest = ends[0].farthest.max(ends[1].farthest);
+        let is_broken = ends[0].structure != ends[1].structure;
+        let moved = ends.map(|it| it.moved);
         let displaced = ends.map(|it| Values {
             first: 0,
-            values: if self.light_alone { &[] } else { it.displaced() },
+            values: if self.light_alone { &[] } else { it.displaced },
         });
-        let values = [ends.map(L::values), displaced];
+        let values = [ends.map(|it| it.values), displaced];
         Some(Rise { values, moved, farthest, is_broken, height: self.height(at) })
     }
 }

@@ -15,8 +15,8 @@ const LIMITS: Limits = Limits {
 };
 
 impl Judged for Vec<f32> {
-    fn values(&self) -> Values<'_> {
-        Values { first: 0, values: self }
+    fn judged(&self) -> JudgedLight<'_> {
+        JudgedLight { values: Values { first: 0, values: self }, ..JudgedLight::default() }
     }
 }
 
@@ -41,8 +41,9 @@ struct InWindow {
 }
 
 impl Judged for InWindow {
-    fn values(&self) -> Values<'_> {
-        Values { first: self.number, values: &self.light }
+    fn judged(&self) -> JudgedLight<'_> {
+        let values = Values { first: self.number, values: &self.light };
+        JudgedLight { values, ..JudgedLight::default() }
     }
 }
 
@@ -124,12 +125,9 @@ impl OfSamples {
 }
 
 impl Judged for OfSamples {
-    fn values(&self) -> Values<'_> {
-        Values { first: 0, values: &self.values }
-    }
-
-    fn draws(&self) -> Option<super::Draws> {
-        Some(self.draws)
+    fn judged(&self) -> JudgedLight<'_> {
+        let values = Values { first: 0, values: &self.values };
+        JudgedLight { values, draws: Some(self.draws), ..JudgedLight::default() }
     }
 }
 

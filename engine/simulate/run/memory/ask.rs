@@ -1,7 +1,8 @@
 //! Checks, before work begins, that its memory is available.
 
+use super::MemoryEstimate;
 use super::needs::FRAME_COPIES;
-use super::{MemoryEstimate, building};
+use super::program::building;
 use beamlet_core::{Error, Result, reserve};
 use beamlet_files::StackShape;
 use beamlet_geometry as geometry;

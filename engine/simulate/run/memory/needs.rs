@@ -1,8 +1,7 @@
 //! Needs of a scene: bytes on host and device, by rows of a band and rays at once.
 
 use super::MemoryEstimate;
-use super::building::building;
-use super::program::program;
+use super::program::{building, program};
 use super::rays::{beamlets, cell_rays};
 use crate::detector::SubpixelGrid;
 use crate::illuminate::{CellIlluminator, Gatherer};

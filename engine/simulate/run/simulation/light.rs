@@ -146,12 +146,8 @@ impl Simulation {
     /// Rows of the sums of the band with a row of the grid.
     fn band_of(&self, row: i64) -> Range<u32> {
         let lit = self.bands().map(|band| self.detector.grid().lit_rows(&band));
-        let before = |lit: &Range<u32>| i64::from(lit.start) <= row;
-        let first = self
-            .detector
-            .grid()
-            .lit_rows(&(0..self.scene.detector.pixels[1].min(self.band_rows())));
-        lit.filter(before).last().unwrap_or(first)
+        let last = lit.reduce(|own, next| if i64::from(next.start) <= row { next } else { own });
+        last.unwrap_or_default()
     }
 
     /// Number of rows of the grid.

@@ -16,7 +16,7 @@ use beamlet_core::parallel::start_threads;
 use beamlet_files::RunStart;
 use beamlet_geometry as geometry;
 use beamlet_geometry::{LoadStep, Sample};
-use beamlet_gpu::Backend;
+use beamlet_gpu::{Backend, Device};
 use beamlet_model::media::MaterialTable;
 use beamlet_model::optics::{self, Optics};
 use beamlet_model::scene::{Scene, Scheme, Transport};
@@ -183,14 +183,9 @@ impl Simulation {
         let facet_kinks = wave::facet_kinks(&scene, &sample)?;
         facet_kinks.iter().for_each(|kink| log::warn!("waves: {kink}"));
         let budget = error_budget(&scene, detector.optics());
-        let of = scene.clone();
-        let Built { sample, media, bvh, facets } =
-            control.step(LoadStep::Building, move || build(&of, sample, media))??;
         let (to, of) = (device.clone(), scene.clone());
-        let (sample, media, on_device) = control.step(LoadStep::Building, move || {
-            DeviceSample::with_bvh(&to, &of, &sample, bvh, &media, ray_query)
-                .map(|made| (sample, media, made))
-        })??;
+        let Built { sample, media, facets, on_device } = control
+            .step(LoadStep::Building, move || build(&to, &of, sample, media, ray_query))??;
         let mut simulation = Self {
             simulator: simulator.clone(),
             detector,
@@ -247,20 +242,25 @@ fn load(
     Ok(sample)
 }
 
-/// Host data of a sample before upload, and its memory.
+/// A sample on the device, with its data on the host.
 struct Built {
     sample: Sample,
     media: MaterialTable,
-    bvh: Bvh,
     facets: sampling::SampleFacets,
+    on_device: DeviceSample,
 }
 
-fn build(scene: &Scene, sample: Sample, media: MaterialTable) -> Result<Built> {
-    let across = geometry::across_edges(&sample);
-    let bvh = Bvh::build(&sample, &across, scene.displacement())?;
-    let transport = scene.sampling.transport;
-    let facets = sampling::SampleFacets::new(transport, &sample, &media, &bvh);
-    Ok(Built { sample, media, bvh, facets })
+fn build(
+    device: &Arc<Device>,
+    scene: &Scene,
+    sample: Sample,
+    media: MaterialTable,
+    ray_query: bool,
+) -> Result<Built> {
+    let bvh = Bvh::build(&sample, &geometry::across_edges(&sample), scene.displacement())?;
+    let facets = sampling::SampleFacets::new(scene.sampling.transport, &sample, &media, &bvh);
+    let on_device = DeviceSample::with_bvh(device, scene, &sample, bvh, &media, ray_query)?;
+    Ok(Built { sample, media, facets, on_device })
 }
 
 /// Logs what stands for a focal spot that is not one Gaussian.

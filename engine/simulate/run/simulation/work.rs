@@ -236,9 +236,8 @@ impl<'s> ViewWork<'s> {
 
     /// Seconds by stage so far.
     pub(super) fn seconds(&self) -> Seconds {
-        let mut seconds = self.light.seconds();
-        seconds += self.seconds;
-        seconds
+        let Seconds { trace, illuminate, .. } = self.light.seconds();
+        Seconds { trace, illuminate, ..self.seconds }
     }
 
     pub(super) fn tally(&self) -> Tally {

@@ -58,23 +58,18 @@ impl Lines<'_> {
         let blank = self.cells.blank_seconds(self.simulation, left_out)?;
         let looks = self.looks(left_out)?;
         let views = self.simulation.pose_count();
-        let count = looks.len().max(1) as f64;
-        let mean = |of: &dyn Fn(&Look) -> f64| looks.iter().map(of).sum::<f64>() / count;
-        let rays = mean(&|look| look.cost.rays);
-        let seconds = mean(&|look| look.once + look.cost.seconds);
-        let of_looks =
-            |of: &dyn Fn(&RowsCost) -> f64| looks.iter().map(|look| of(&look.cost)).sum::<f64>();
-        let sampled = of_looks(&|cost| cost.sampled);
-        let cells_per_patch =
-            of_looks(&|cost| cost.cells) / of_looks(&|cost| cost.patches).max(1.0);
-        let patches = mean(&|look| look.cost.patches);
+        let all = looks.iter().fold(RowsCost::default(), |sum, look| sum.and(&look.cost));
+        let once: f64 = looks.iter().map(|look| look.once).sum();
+        let mean = all.times(1.0 / looks.len().max(1) as f64);
+        let seconds = once / looks.len().max(1) as f64 + mean.seconds;
+        let cells_per_patch = all.cells / all.patches.max(1.0);
         Ok(RunEstimate {
-            rays_per_view: rays,
-            rays: rays * views,
-            lines: views * mean(&|look| look.cost.lines),
+            rays_per_view: mean.rays,
+            rays: mean.rays * views,
+            lines: views * mean.lines,
             seconds: views * seconds + (views + 1.0) * blank,
-            cells_at_once: cells_per_patch * patches.min(PATCHES_AT_ONCE as f64),
-            patches_sampled: sampled,
+            cells_at_once: cells_per_patch * mean.patches.min(PATCHES_AT_ONCE as f64),
+            patches_sampled: all.sampled,
             sampling_error: self.audit()?,
         })
     }
