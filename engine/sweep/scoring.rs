@@ -68,9 +68,9 @@ impl Scoring<'_> {
             design.light.into_iter().for_each(|light| last_use[light] = number);
         }
         waiting.drain(..from - first);
-        let group = |places: Vec<usize>| {
+        let group = |Group { key, places, .. }: Group| {
             let left = places.iter().filter(|light| last_use[**light] >= from).count();
-            WalkGroup { places, left }
+            WalkGroup { places, left, is_walked: key.is_some() }
         };
         let mut groups: Vec<WalkGroup> = self.groups(&scenes)?.into_iter().map(group).collect();
         groups.retain(|group| group.left > 0);
@@ -128,7 +128,7 @@ impl Scoring<'_> {
                 // Nobody receives once a report failed.
                 let _ = sender.send((number, share * group.left as f64));
             };
-            self.light_of_group(&group.places, scenes, scores, &mut send)
+            self.light_of_group(group, scenes, scores, &mut send)
         };
         let found = thread::scope(|scope| {
             let begin = |(number, group)| {
@@ -165,15 +165,14 @@ impl Scoring<'_> {
     /// Light of scenes from one walk; where one of them is refused each has its own.
     fn light_of_group(
         &self,
-        group: &[usize],
+        WalkGroup { places: group, is_walked, .. }: &WalkGroup,
         scenes: &[Scene],
         scores: &[&SampleScore],
         report: &mut dyn FnMut(f64),
     ) -> Vec<Result<SampleLight>> {
         let light = |places: &[usize], report: &mut dyn FnMut(f64)| {
             let scenes: Vec<Scene> = places.iter().map(|place| scenes[*place].clone()).collect();
-            let is_walked = scenes.len() > 1 || matches!(WalkKey::of(&scenes[0]), Ok(Some(_)));
-            let group = LightGroup { scenes, is_walked };
+            let group = LightGroup { scenes, is_walked: *is_walked };
             group.light(self.engine, scores, self.cancel, report)
         };
         let error = match light(group, report) {
@@ -192,8 +191,8 @@ impl Scoring<'_> {
         group.iter().enumerate().map(alone).collect()
     }
 
-    /// Places of scenes that are lit together, in the order of their first ones.
-    fn groups(&self, scenes: &[Scene]) -> Result<Vec<Vec<usize>>> {
+    /// Scenes that are lit together, in the order of their first ones.
+    fn groups(&self, scenes: &[Scene]) -> Result<Vec<Group>> {
         let mut groups: Vec<Group> = Vec::new();
         for (place, scene) in scenes.iter().enumerate() {
             self.cancel.check()?;
@@ -215,7 +214,7 @@ impl Scoring<'_> {
                 None => groups.push(Group { key, most, places: vec![place] }),
             }
         }
-        Ok(groups.into_iter().map(|group| group.places).collect())
+        Ok(groups)
     }
 
     fn design(&self, number: usize) -> Result<Design> {
@@ -253,6 +252,8 @@ struct WalkGroup {
     places: Vec<usize>,
     /// Number of those with designs that are not finished.
     left: usize,
+    /// True if one walk lights them.
+    is_walked: bool,
 }
 
 /// Scenes that are lit together, as they are found.

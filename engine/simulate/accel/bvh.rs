@@ -369,16 +369,6 @@ fn depth(nodes: &[CwBvhNode]) -> usize {
     deepest
 }
 
-/// The sample of a scene and its trees.
-#[cfg(test)]
-pub(super) fn built(text: &str) -> (Sample, Bvh) {
-    let scene = beamlet_model::scene::Scene::from_toml(text, ".").expect("a scene");
-    let sample = beamlet_geometry::load(&scene).expect("a sample");
-    let across = beamlet_geometry::across_edges(&sample);
-    let bvh = Bvh::build(&sample, &across, 0.0).expect("a tree");
-    (sample, bvh)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -395,7 +385,10 @@ object = [
 
     #[test]
     fn neighbours_share_the_edge_that_they_are_named_for() {
-        let (_, bvh) = built(SHAPES);
+        let scene = beamlet_model::scene::Scene::from_toml(SHAPES, ".").expect("a scene");
+        let sample = beamlet_geometry::load(&scene).expect("a sample");
+        let across = beamlet_geometry::across_edges(&sample);
+        let bvh = Bvh::build(&sample, &across, 0.0).expect("a tree");
         for (leaf, around) in bvh.leaves.iter().zip(&bvh.neighbours) {
             let corners = [leaf.a, leaf.b, leaf.c];
             for (edge, &other) in around.iter().enumerate() {

@@ -21,7 +21,7 @@ impl<'a> CombinedIllumination<'a> {
         let of_design = |response| Illumination::new(view, response);
         Self {
             judges: view.responses.judges().map(of_design).collect(),
-            distinct: view.responses.distinct(),
+            distinct: &view.responses.distinct,
         }
     }
 

@@ -237,7 +237,7 @@ impl<'a> Illumination<'a> {
         };
         let step = opening.step as usize;
         let down = self.down(piece);
-        let [shares, ratios] = response.hardening.refraction();
+        let [shares, ratios] = response.hardening.refraction;
         for (part, ratio) in shares.into_iter().zip(ratios).filter(|(part, _)| *part > 0.0) {
             let [low, high] = [0, 1]
                 .map(|end| response.landing(column, single(x[end]), ratio * displacement[end]));
@@ -328,7 +328,7 @@ impl<'a> Illumination<'a> {
     /// it: at other energies it grows with the square of the refraction, as the second order does.
     fn most_moved(&self, displacement: f64) -> f64 {
         let response = self.response;
-        let [shares, ratios] = response.hardening.refraction().map(|it| it.map(f64::from));
+        let [shares, ratios] = response.hardening.refraction.map(|it| it.map(f64::from));
         let moved = |ratio: f64| (displacement * ratio * ratio * response.steepest()).min(1.0);
         shares.into_iter().zip(ratios).map(|(share, ratio)| share * moved(ratio)).sum()
     }

@@ -8,7 +8,6 @@ mod estimate;
 mod light;
 mod prepare;
 mod rays;
-mod seconds;
 mod work;
 
 use crate::detector::{self, DetectorModel};
@@ -136,7 +135,7 @@ impl Simulation {
         let limit = self.options().memory_limit.zip(self.memory.left_for_lines);
         sampling::Room {
             limit: limit.map(<[u64; 2]>::from),
-            words: self.light.spectrum().map_or(0, |spectrum| spectrum.recording.words()),
+            words: self.light.spectrum().map_or(0, |spectrum| spectrum.recording.words),
         }
     }
 

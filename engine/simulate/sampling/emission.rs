@@ -64,7 +64,7 @@ impl<'a> Emitter<'a> {
                 empty.push((patch.beamlet - first, patch.row));
             }
         }
-        let words = self.view.recording.as_ref().map_or(0, |recording| recording.words());
+        let words = self.view.recording.as_ref().map_or(0, |recording| recording.words);
         let parts: Vec<CellBatch> = (patches, rectangles, moments)
             .into_par_iter()
             .map(|(patch, rectangles, moments)| self.cell_rows(patch, &rectangles, &moments, words))

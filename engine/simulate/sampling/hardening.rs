@@ -11,8 +11,8 @@ pub(crate) struct Hardening {
     /// Optical depth of the light of all energies over the depth, by the square root of the depth; then the least
     /// ratio of an energy. None at one energy.
     ratios: Arc<[f32]>,
-    /// [`parts_by_refraction`].
-    refraction: [[f32; PARTS]; 2],
+    /// Shares of parts of the light, and their refraction over that at the mean constants ([`parts_by_refraction`]).
+    pub(crate) refraction: [[f32; PARTS]; 2],
 }
 
 /// Places of the table of light behind optical depths at the mean constants of a spectrum, by the square root of the
@@ -72,11 +72,6 @@ impl Hardening {
         };
         let places = (0..HARDENING_PLACES).map(ratio);
         Self { ratios: places.chain([least]).map(single).collect(), refraction }
-    }
-
-    /// Shares of parts of the light, and their refraction over that at the mean constants.
-    pub(crate) const fn refraction(&self) -> [[f32; PARTS]; 2] {
-        self.refraction
     }
 
     /// Share of the light that passes a depth.

@@ -27,7 +27,7 @@ pub(crate) struct MomentRecording {
     /// Signatures of a ray through one body alone, with the body's material; sorted.
     single: Vec<(u32, u32)>,
     /// Words of a ray's moments.
-    words: usize,
+    pub(crate) words: usize,
 }
 
 impl MomentRecording {
@@ -56,11 +56,6 @@ impl MomentRecording {
             .map(|(signature, object)| (*signature, media.of_object[*object as usize]))
             .collect();
         Self { reference, delta_ratio, single, words: media.moment_words() }
-    }
-
-    /// Words of the moments of a ray.
-    pub(crate) const fn words(&self) -> usize {
-        self.words
     }
 
     /// The material, if the ray crossed exactly one object: its moments are then the result divided

@@ -15,13 +15,14 @@ pub(crate) struct Responses {
     designs: Vec<Arc<Response>>,
     /// Designs by which lines and rays are judged: each design is near to one of these.
     judges: Vec<Arc<Response>>,
-    /// Judges whose windows no earlier judge has.
-    distinct: Vec<usize>,
+    /// Numbers of the judges whose windows no earlier judge has.
+    pub(crate) distinct: Vec<usize>,
     /// Place in `distinct` of the windows of each judge.
     windows: Vec<usize>,
     /// Largest share of light through the bars of the sample mask.
     leak: f32,
-    steepest: f64,
+    /// Largest change of the share of light that passes a window, per displacement, 1/m.
+    pub(crate) steepest: f64,
 }
 
 /// Openings of a beamlet.
@@ -86,12 +87,7 @@ impl Responses {
         self.judges.iter().map(|response| &**response)
     }
 
-    /// Numbers of the judges whose windows no earlier judge has.
-    pub(crate) fn distinct(&self) -> &[usize] {
-        &self.distinct
-    }
-
-    /// Place in [`Self::distinct`] of the windows of a judge.
+    /// Place in `distinct` of the windows of a judge.
     pub(crate) fn windows_of(&self, judge: usize) -> usize {
         self.windows[judge]
     }
@@ -106,11 +102,6 @@ impl Responses {
     /// Mask steps that differ enough to count, of the design with the fewest.
     pub(crate) fn fewest_steps(&self) -> usize {
         self.designs.iter().map(|response| response.steps()).min().unwrap_or(1)
-    }
-
-    /// Largest change of the share of light that passes a window, per displacement, 1/m.
-    pub(crate) const fn steepest(&self) -> f64 {
-        self.steepest
     }
 
     /// Share of the light behind a sample mask of a rectangle that a step opens to a share.

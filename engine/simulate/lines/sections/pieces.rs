@@ -91,7 +91,7 @@ impl SurfaceLines<'_> {
             // Rays go on from here, where all of it is near grazing.
             f64::from(u8::from(at.iter().any(|it| it.remainder <= 0.0)))
         } else {
-            MOVED * off(at.map(|it| it.change.displacement.x)) * responses.steepest()
+            MOVED * off(at.map(|it| it.change.displacement.x)) * responses.steepest
         };
         let error = whole * (off(passed) + most * moved.min(1.0));
         let widened = self.widening([0, 2].map(|end| at[end].change.scattering));
@@ -101,7 +101,7 @@ impl SurfaceLines<'_> {
 
     /// Largest change of light, share of it, by a change of the variance of the displacement between two values.
     fn widening(&self, [low, high]: [f64; 2]) -> f64 {
-        ((high - low).abs() * self.view.responses.steepest().powi(2)).min(1.0)
+        ((high - low).abs() * self.view.responses.steepest.powi(2)).min(1.0)
     }
 
     /// Number of parts of a piece whose variances by materials are constant: the error falls with its square, since
@@ -218,7 +218,7 @@ impl SurfaceLines<'_> {
 
     /// True if light with this first-order remainder of its displacement errs by more than needs no exact ray.
     fn matters(&self, light: f64, remainder: f64) -> bool {
-        let moved = (remainder * self.view.responses.steepest()).min(1.0);
+        let moved = (remainder * self.view.responses.steepest).min(1.0);
         light * moved > NEGLIGIBLE * self.view.budget.light
     }
 }

@@ -14,7 +14,6 @@ mod survey;
 mod waves;
 
 use super::Simulation;
-use super::seconds::Seconds;
 use crate::illuminate::EnergyBinning;
 use crate::run::RunEstimate;
 use crate::sampling::{Lattice, MomentRecording, ProjectedBounds};
@@ -79,6 +78,17 @@ impl LitRows {
     fn direct(&self, lattice: &Lattice) -> Range<i64> {
         self.band.start - lattice.blur_rows..self.band.end + lattice.blur_rows
     }
+}
+
+/// Seconds by stage.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Seconds {
+    pub trace: f64,
+    pub illuminate: f64,
+    /// Reading light from the device, blur, scatter.
+    pub detect: f64,
+    pub noise: f64,
+    pub write: f64,
 }
 
 /// Receives the rays traced so far, and the share of the rows in work that is done.

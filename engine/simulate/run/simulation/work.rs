@@ -4,8 +4,7 @@ mod mean;
 mod share;
 
 use super::Simulation;
-use super::light::{Light, LitRows, Pose};
-use super::seconds::Seconds;
+use super::light::{Light, LitRows, Pose, Seconds};
 use crate::detector::Frame;
 use crate::run::{Control, Progress, ViewProgress};
 use beamlet_core::cancel::Cancel;

@@ -1,10 +1,9 @@
 //! Light of a run without a sample: no ray is traced.
 
 use super::cells::CellLight;
-use super::{Light, LitRows, Pose, Report};
+use super::{Light, LitRows, Pose, Report, Seconds};
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
-use crate::run::simulation::seconds::Seconds;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::tally::Tally;

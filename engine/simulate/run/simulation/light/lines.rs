@@ -1,10 +1,9 @@
 //! Light of cells of lines and rays through the sample.
 
 use super::cells::CellLight;
-use super::{Light, LitRows, Pose, Report};
+use super::{Light, LitRows, Pose, Report, Seconds};
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
-use crate::run::simulation::seconds::Seconds;
 use crate::sampling::{self, CellBatch, Responses, Room};
 use crate::trace::Tracer;
 use beamlet_core::Result;

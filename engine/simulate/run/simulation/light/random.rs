@@ -1,12 +1,11 @@
 //! Light of random rays.
 
-use super::{Light, LitRows, Pose, Report};
+use super::{Light, LitRows, Pose, Report, Seconds};
 use crate::illuminate::{
     ApertureEdges, IlluminationBuffer, PixelSums, RandomBatch, RandomIlluminator, SpectralBand,
 };
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
-use crate::run::simulation::seconds::Seconds;
 use crate::sampling::touches_pixel;
 use crate::trace::Tracer;
 use beamlet_core::cancel::Cancel;

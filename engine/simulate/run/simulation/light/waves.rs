@@ -1,10 +1,9 @@
 //! Light of lines by waves, and of their parts near grazing by cells.
 
 use super::cells::CellLight;
-use super::{Light, LitRows, Pose, Report};
+use super::{Light, LitRows, Pose, Report, Seconds};
 use crate::run::RunEstimate;
 use crate::run::simulation::Simulation;
-use crate::run::simulation::seconds::Seconds;
 use crate::trace::Tracer;
 use crate::wave::{CellPlaces, WaveBand, WavePlans, WaveView};
 use beamlet_core::cancel::Cancel;
