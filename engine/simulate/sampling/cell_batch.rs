@@ -174,8 +174,17 @@ pub(crate) fn empty_cell_rows(lattice: &Lattice, rows: Range<i64>) -> CellBatch 
 /// Cell rows without a sample, of one cell each.
 pub(crate) fn blank_cells(lattice: &Lattice, cell_rows: &[CellRow]) -> CellBatch {
     let mut out = CellBatch::default();
-    let cell = [empty_cell(lattice)];
-    cell_rows.iter().for_each(|row| out.push(*row, &cell, &CellMoments::default()));
+    let half = single(lattice.period / 2.0);
+    let [share_above, share_below] =
+        if lattice.heights { [0.0; 2] } else { lattice.row_shares(0.0, 1.0, 0.0) };
+    let cell = Cell {
+        x_low: -half,
+        x_high: half,
+        share_above,
+        share_below,
+        ..bytemuck::Zeroable::zeroed()
+    };
+    cell_rows.iter().for_each(|row| out.push(*row, &[cell], &CellMoments::default()));
     out
 }
 
@@ -204,11 +213,4 @@ pub(crate) fn empty_cell_row(column: i64, row: i64) -> CellRow {
         rows: 1,
         ..bytemuck::Zeroable::zeroed()
     }
-}
-
-fn empty_cell(lattice: &Lattice) -> Cell {
-    let half = single(lattice.period / 2.0);
-    let [share_above, share_below] =
-        if lattice.heights { [0.0; 2] } else { lattice.row_shares(0.0, 1.0, 0.0) };
-    Cell { x_low: -half, x_high: half, share_above, share_below, ..bytemuck::Zeroable::zeroed() }
 }

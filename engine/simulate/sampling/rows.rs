@@ -55,12 +55,12 @@ pub(crate) fn sample_rows(
         }
     }
     let all = waiting.len();
-    let mut keep = |tracer: &mut Tracer, cells: CellBatch, empty: Vec<(i64, i64)>| {
-        blank.extend(empty);
-        take(tracer, &cells)
+    let mut keep = |tracer: &mut Tracer, some: SampledCells| {
+        advance(tracer, some.done as f64 / all as f64);
+        blank.extend(some.empty);
+        take(tracer, &some.cells)
     };
-    let mut done = |tracer: &Tracer, done: usize| advance(tracer, done as f64 / all as f64);
-    sample_patches(view, tracer, (&waiting, &places), (lit, room), &mut keep, &mut done)?;
+    sample_patches(view, tracer, (&waiting, &places), (lit, room), &mut keep)?;
     take_blank(view, tracer, (blank, lit), take)
 }
 
@@ -81,18 +81,22 @@ fn take_blank(
     parts.try_for_each(|part| take(tracer, &blank_cells(view.lattice, part)))
 }
 
-/// Receives the cells of some patches, and the places (column, row) of patches that miss the sample.
-pub(super) type TakeSampled<'a> =
-    &'a mut dyn FnMut(&mut Tracer, CellBatch, Vec<(i64, i64)>) -> Result<()>;
+/// Cells of some patches.
+pub(super) struct SampledCells {
+    pub(super) cells: CellBatch,
+    /// Places (column, row) of patches that miss the sample.
+    empty: Vec<(i64, i64)>,
+    /// Number of patches that are done.
+    done: usize,
+}
 
-/// Hands over the cells of patches, in parts. `advance` gets how many are done.
+/// Hands over the cells of patches, in parts.
 pub(super) fn sample_patches(
     view: &ViewContext<'_>,
     tracer: &mut Tracer,
     (patches, of): (&[(i64, i64)], &PatchPlaces),
     (lit, room): (&Range<i64>, &Room),
-    take: TakeSampled<'_>,
-    advance: &mut dyn FnMut(&Tracer, usize),
+    take: &mut dyn FnMut(&mut Tracer, SampledCells) -> Result<()>,
 ) -> Result<()> {
     let sampler = LineSampler::new(view);
     let emitter = Emitter::new(view, lit);
@@ -114,8 +118,7 @@ pub(super) fn sample_patches(
         let (mut cells, empty) = emitter.cells(tracer, &sampled)?;
         cells.tally = sampled.tally;
         done += some.len();
-        advance(tracer, done);
-        take(tracer, cells, empty)?;
+        take(tracer, SampledCells { cells, empty, done })?;
     }
     Ok(())
 }

@@ -2,7 +2,7 @@
 //! others.
 
 use super::room::Room;
-use super::rows::sample_patches;
+use super::rows::{SampledCells, sample_patches};
 use super::view_context::ViewContext;
 use crate::lines::PatchPlaces;
 use crate::sampling::CellBatch;
@@ -77,7 +77,7 @@ pub(crate) fn survey_rows(
         let before = tracer.rays_traced();
         let chosen = spread(&patches, most, start);
         let (mut lines, mut cells, mut beyond) = (0, 0, 0.0);
-        let mut keep = |tracer: &mut Tracer, batch: CellBatch, _: Vec<(i64, i64)>| {
+        let mut keep = |tracer: &mut Tracer, SampledCells { cells: batch, .. }: SampledCells| {
             lines += batch.tally.lines;
             cells += batch.cells.len();
             if !batch.cell_rows.is_empty() {
@@ -85,15 +85,8 @@ pub(crate) fn survey_rows(
             }
             Ok(())
         };
-        let ignored = &mut |_: &Tracer, _| {};
-        sample_patches(
-            view,
-            tracer,
-            (&chosen, &places),
-            (lit, &Room::default()),
-            &mut keep,
-            ignored,
-        )?;
+        let lit = (lit, &Room::default());
+        sample_patches(view, tracer, (&chosen, &places), lit, &mut keep)?;
         let spent = begin.elapsed().as_secs_f64() + beyond;
         let scale = patches.len() as f64 / chosen.len() as f64;
         cost.patches += patches.len() as f64;
@@ -122,13 +115,12 @@ pub(crate) fn count_patches(
     let places = PatchPlaces::new(view, rows.clone());
     let touched: Vec<_> = touched(view, rows, &places).collect();
     let mut tally = Tally::default();
-    let mut add = |_: &mut Tracer, batch: CellBatch, _: Vec<(i64, i64)>| {
-        tally = tally + batch.tally;
+    let mut add = |_: &mut Tracer, some: SampledCells| {
+        tally = tally + some.cells.tally;
         Ok(())
     };
     let chosen = spread(&touched, most, start);
-    let ignored = &mut |_: &Tracer, _| {};
-    sample_patches(view, tracer, (&chosen, &places), (lit, &Room::default()), &mut add, ignored)?;
+    sample_patches(view, tracer, (&chosen, &places), (lit, &Room::default()), &mut add)?;
     Ok(tally)
 }
 

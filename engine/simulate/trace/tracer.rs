@@ -16,9 +16,9 @@ use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers, reserve};
 use beamlet_gpu::{Backend, Buffer, Device, LazyKernel, Memory, Pace, Recorder, Upload};
 use beamlet_interface::{
-    Crossing, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS, TALLY_DROPPED,
-    TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_RETRACED, TALLY_UNBALANCED,
-    TALLY_UNORDERED,
+    Crossing, KIND_ROUGH, MATERIALS_IN_REGISTERS, MOMENTS_HEAD, Ray, RayResult, TALLY_COUNTERS,
+    TALLY_DROPPED, TALLY_NEGATIVE, TALLY_NOT_FINITE, TALLY_REFLECTED, TALLY_RETRACED,
+    TALLY_UNBALANCED, TALLY_UNORDERED,
 };
 use beamlet_model::scene::Transport;
 use exact::LISTED;
@@ -153,7 +153,8 @@ impl Tracer {
 
     /// `moments`: moments of the rays are needed.
     fn order_free<'k>(&self, trace: &'k OrderFree, moments: bool) -> &'k LazyKernel {
-        if self.few && !(moments && self.sample.is_rough()) { &trace.few } else { &trace.many }
+        let is_rough = self.sample.kinds & KIND_ROUGH != 0;
+        if self.few && !(moments && is_rough) { &trace.few } else { &trace.many }
     }
 
     /// Later results belong to a node of the spectrum, or (`None`) to its mean constants.

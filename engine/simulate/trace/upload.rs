@@ -6,7 +6,7 @@ use beamlet_core::numbers::{count, high_word, low_word, single};
 use beamlet_geometry as geometry;
 use beamlet_gpu::{AccelerationStructure, Buffer, Device};
 use beamlet_interface as interface;
-use beamlet_interface::{KIND_HEIGHTS, KIND_MOVED, KIND_ROUGH, PoseTransform, Surface};
+use beamlet_interface::{KIND_HEIGHTS, KIND_MOVED, PoseTransform, Surface};
 use beamlet_model::media::{MaterialTable, ScatteringAxis, moment_words};
 use beamlet_model::scene::{Motion, Scene, Transport};
 use glam::DVec3;
@@ -144,11 +144,6 @@ impl DeviceSample {
     pub fn record(&self, node: Option<usize>) -> u64 {
         let index = node.map_or(0, |n| n + 1);
         self.records.address() + (index * size_of::<interface::Sample>()) as u64
-    }
-
-    /// True if some of its surfaces are rough.
-    pub(super) const fn is_rough(&self) -> bool {
-        self.kinds & KIND_ROUGH != 0
     }
 
     /// Words of the moments of a ray, without their head.
