@@ -16,7 +16,7 @@ mod fresh_line;
 
 use super::even::EvenPatch;
 use super::light::Illumination;
-use super::line::{Piece, Source};
+use super::line::Piece;
 use super::patches::{LEAST, LinePatch};
 use super::window_light::WindowLight;
 use crate::sampling::{
@@ -279,20 +279,5 @@ fn add_shares(
     let mut lit = lit.map(|(part, share)| (&part.piece, share)).peekable();
     if lit.peek().is_some() {
         sum.add(&illumination.pass(column, openings, lit).light);
-    }
-}
-
-/// A piece whose light is that of one ray.
-fn plain(x: [f64; 2], result: RayResult) -> Piece {
-    Piece {
-        x,
-        depth: [result.optical_depth; 2],
-        displacement: [result.displacement_x; 2],
-        scattering: [result.displacement_variance; 2],
-        result,
-        source: Source::FirstOrder,
-        extent: 0.0,
-        interval: 0,
-        draws: false,
     }
 }

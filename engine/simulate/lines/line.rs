@@ -82,6 +82,21 @@ pub(crate) struct Piece {
 }
 
 impl Piece {
+    /// A piece whose light is that of one ray of the first order.
+    pub(super) fn plain(x: [f64; 2], result: RayResult) -> Self {
+        Self {
+            x,
+            depth: [result.optical_depth; 2],
+            displacement: [result.displacement_x; 2],
+            scattering: [result.displacement_variance; 2],
+            result,
+            source: Source::FirstOrder,
+            extent: 0.0,
+            interval: 0,
+            draws: false,
+        }
+    }
+
     /// Width, m.
     pub(crate) fn width(&self) -> f64 {
         self.x[1] - self.x[0]
@@ -258,19 +273,11 @@ mod tests {
 
     /// Pieces of 1 um of one interval with rays displaced by this function of x, um.
     fn pieces(displacement: impl Fn(f64) -> f64) -> Vec<Piece> {
-        let of = |at: u32| Piece {
-            x: [at, at + 1].map(|x| 1e-6 * f64::from(x)),
-            depth: [0.0; 2],
-            displacement: [0.0; 2],
-            scattering: [0.0; 2],
-            result: RayResult {
-                displacement_x: single(displacement(f64::from(at) + 0.5)),
-                ..bytemuck::Zeroable::zeroed()
-            },
-            source: Source::Ray { displacement: 0.0 },
-            extent: 0.0,
-            interval: 0,
-            draws: false,
+        let of = |at: u32| {
+            let displacement_x = single(displacement(f64::from(at) + 0.5));
+            let result = RayResult { displacement_x, ..bytemuck::Zeroable::zeroed() };
+            let piece = Piece::plain([at, at + 1].map(|x| 1e-6 * f64::from(x)), result);
+            Piece { source: Source::Ray { displacement: 0.0 }, ..piece }
         };
         (0..5).map(of).collect()
     }

@@ -58,22 +58,18 @@ pub(crate) fn refuse(scene: &Scene, optics: &Optics) -> Result<()> {
         inline::refuse(scene, optics)?;
     }
     for mask in optics.sample_mask.iter().chain(&optics.detector_mask) {
-        if mask.openings(mask.distance()).ends().count() > 1 {
-            let found = format!("several slits in a period of {}", mask.name());
-            return wave(&found, "masks without apertures or shifts");
-        }
-        if mask.is_tapered() {
-            let found = format!("the tapered bars of {}", mask.name());
-            return wave(&found, "masks without a taper");
-        }
-        if mask.has_walls() {
-            let found = format!("bars of several layers in {}", mask.name());
-            return wave(&found, "bars of one material");
-        }
-        if mask.has_substrate() {
-            let found = format!("the substrate of {}", mask.name());
-            return wave(&found, "masks without a substrate");
-        }
+        let (found, allowed) = if mask.openings(mask.distance()).ends().count() > 1 {
+            ("several slits in a period of", "masks without apertures or shifts")
+        } else if mask.is_tapered() {
+            ("the tapered bars of", "masks without a taper")
+        } else if mask.has_walls() {
+            ("bars of several layers in", "bars of one material")
+        } else if mask.has_substrate() {
+            ("the substrate of", "masks without a substrate")
+        } else {
+            continue;
+        };
+        return wave(&format!("{found} {}", mask.name()), allowed);
     }
     let parts = optics.spot.placed();
     let first = parts.first().map(|part| (part.offset[1], part.deviation[1]));

@@ -1,8 +1,8 @@
 //! Rays at random places of the cells of a patch of evenly spread rays.
 
 use super::super::even::{EvenCell, EvenPatch};
-use super::super::line::NARROWEST;
-use super::{Auditor, LandedLight, plain};
+use super::super::line::{NARROWEST, Piece};
+use super::{Auditor, LandedLight};
 use crate::trace::Tracer;
 use beamlet_core::Result;
 use beamlet_core::numbers::single;
@@ -51,7 +51,7 @@ impl Auditor<'_> {
     pub(super) fn difference_of_even(&self, patch: &EvenPatch, cells: &[EvenCell]) -> LandedLight {
         let part = |cell: &EvenCell, result: RayResult, sign: f64| {
             let [x, z] = cell.ray.map(f64::from);
-            let piece = plain([x - 0.5 * NARROWEST, x + 0.5 * NARROWEST], result);
+            let piece = Piece::plain([x - 0.5 * NARROWEST, x + 0.5 * NARROWEST], result);
             let [width, height] = [cell.x, cell.z].map(|[low, high]| f64::from(high - low));
             self.part(&piece, z, sign * height * width / NARROWEST)
         };

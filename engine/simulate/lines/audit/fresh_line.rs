@@ -7,7 +7,7 @@ use super::super::line::{
 };
 use super::super::patches::LinePatch;
 use super::super::slopes::Slopes;
-use super::{Auditor, Drawn, LandedLight, Part, SETS, Sampled, plain};
+use super::{Auditor, Drawn, LandedLight, Part, SETS, Sampled};
 use crate::sampling::Landed;
 use crate::trace::Tracer;
 use beamlet_core::numbers::single;
@@ -95,7 +95,7 @@ impl Check {
 
     /// Its interval with the light of its ray.
     fn seen(&self) -> Option<Piece> {
-        Some(plain(self.x(), self.ray.result?))
+        Some(Piece::plain(self.x(), self.ray.result?))
     }
 
     /// Its interval with the light at its place that is linear between both ends, or that of the nearer one.
@@ -105,7 +105,7 @@ impl Check {
         let share = (self.ray.x - low.x) / (high.x - low.x);
         let is_cut = a.signature != b.signature;
         let result = between(&a, &b, if is_cut { 0.0 } else { share });
-        Some(plain(self.x(), if is_cut && share > 0.5 { b } else { result }))
+        Some(Piece::plain(self.x(), if is_cut && share > 0.5 { b } else { result }))
     }
 }
 
@@ -385,7 +385,7 @@ fn pieces_between(pair: &[FreshRay]) -> Vec<(Piece, [RayResult; 2])> {
             depth: ends.map(|it| it.optical_depth),
             displacement: ends.map(|it| it.displacement_x),
             scattering: ends.map(|it| it.displacement_variance),
-            ..plain(x, between(&ends[0], &ends[1], 0.5))
+            ..Piece::plain(x, between(&ends[0], &ends[1], 0.5))
         };
         (piece, ends)
     };

@@ -20,17 +20,25 @@ impl Judged for Vec<f32> {
     }
 }
 
-/// Lines whose light is a function of z.
-fn lines(of: impl Fn(f64) -> f64, features: &Features, limits: Limits) -> Heights<Vec<f32>> {
+/// Lines with the light at each height.
+fn lit<L: Judged + Clone>(
+    mut light: impl FnMut(f64) -> L,
+    features: &Features,
+    limits: Limits,
+) -> Heights<L> {
     let mut heights = Heights::new(features, limits);
     loop {
         let wanted: Vec<f64> = heights.wanted().collect();
         if wanted.is_empty() {
             return heights;
         }
-        // A second value has less light.
-        heights.add(wanted.iter().map(|z| vec![single(0.5 * of(*z)), single(of(*z))]));
+        heights.add(wanted.into_iter().map(&mut light));
     }
+}
+
+/// Lines whose light is a function of z; a second value has less light.
+fn lines(of: impl Fn(f64) -> f64, features: &Features, limits: Limits) -> Heights<Vec<f32>> {
+    lit(|z| vec![single(0.5 * of(z)), single(of(z))], features, limits)
 }
 
 /// All light of a line in one window.
@@ -51,13 +59,8 @@ impl Judged for InWindow {
 #[test]
 fn light_that_moves_to_another_window_is_a_jump() {
     for number in [-1, 5, 100] {
-        let mut heights = Heights::new(&EVEN, LIMITS);
-        while heights.wanted().next().is_some() {
-            let wanted: Vec<f64> = heights.wanted().collect();
-            let line =
-                |z: &f64| InWindow { number: if *z < 0.37 { 0 } else { number }, light: [0.2] };
-            heights.add(wanted.iter().map(line));
-        }
+        let line = |z| InWindow { number: if z < 0.37 { 0 } else { number }, light: [0.2] };
+        let heights = lit(line, &EVEN, LIMITS);
         let weights = heights.weights(sharp([0.0, 1.0]));
         let is_first = |line: &InWindow| f64::from(u8::from(line.number == 0));
         let share: f64 = heights.light().zip(weights).map(|(line, it)| it * is_first(line)).sum();
@@ -140,14 +143,8 @@ fn errors_of_random_samples_are_those_of_their_mean() {
     for error in [0.02, 0.01] {
         let (mut squares, mut told) = (0.0, 0.0);
         for _ in 0..200 {
-            let mut heights = Heights::new(&features, Limits { error, ..LIMITS });
-            loop {
-                let wanted = heights.wanted().count();
-                if wanted == 0 {
-                    break;
-                }
-                heights.add((0..wanted).map(|_| OfSamples::drawn(&mut draws)));
-            }
+            let limits = Limits { error, ..LIMITS };
+            let heights = lit(|_| OfSamples::drawn(&mut draws), &features, limits);
             let weights = heights.weights(sharp([0.0, 1.0]));
             let light = heights.light().map(|it| f64::from(it.values[0]));
             let mean: f64 = light.zip(weights).map(|(light, weight)| light * weight).sum();
