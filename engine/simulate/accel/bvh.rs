@@ -152,9 +152,8 @@ impl Bvh {
                 self.placed[place as usize] =
                     placed_record(it, numbers::low_word(number), &mut last);
             }
-            let primitive_of_first = numbers::low_word(primitive);
             self.prototypes.push(interface::Prototype {
-                primitive: primitive_of_first,
+                primitive: numbers::low_word(primitive),
                 placed: first,
                 ..record
             });

@@ -94,7 +94,8 @@ impl CrossingFinder {
         most: u32,
         room: u32,
     ) -> Result<Self> {
-        let room = room.clamp(1, RAYS);
+        // Lists of the rays of a workgroup are interleaved.
+        let room = room.clamp(1, RAYS).next_multiple_of(GROUP);
         kernels.crossings.get()?;
         let most = most.max(1);
         let of_all = |each: usize| u64::from(room) * u64::from(most) * each as u64;

@@ -162,12 +162,6 @@ impl Tracer {
         self.node = node;
     }
 
-    /// Number of materials of the sample, the surroundings included.
-    #[must_use]
-    pub fn materials(&self) -> usize {
-        self.sample.materials as usize
-    }
-
     /// Words of the moments of a ray, without their head.
     #[must_use]
     pub(crate) fn moment_words(&self) -> usize {
