@@ -44,18 +44,24 @@ impl LinePatch {
             Some(NeighbourLine { z: self.heights.z(number), pieces: &line.pieces })
         };
         let mut beside = [number.checked_sub(1).and_then(beside), beside(number + 1)];
+        // Of the straight line through the line's own light that is nearest to the light towards the lines beside: over little
+        // height light may jump.
+        let cubes = [0, 1].map(|side| (ends[side] - z).abs().powi(3));
+        let both = (cubes[0] + cubes[1]).max(f64::MIN_POSITIVE);
         let of_piece = |own: &Piece| {
-            let [up, low] = [0, 1].map(|side| {
+            let mut slopes = [0.0; 2];
+            for side in 0..2 {
                 let other = beside[side].as_mut().and_then(|line| Some((line.z, line.like(own)?)));
-                other.map_or([0.0; 2], |(other_z, other)| {
-                    let share = (ends[side] - z) / (other_z - z);
-                    let landing = other.result.landing_z(gap) - own.result.landing_z(gap);
-                    let depth = other.depth_at(own.middle()) - own.depth_at(own.middle());
-                    [f64::from(landing), f64::from(depth)].map(|change| share * change)
-                })
-            });
-            let landing = [up, low].map(|[change, _]| own.result.landing_z(gap) + single(change));
-            Slopes { landing, tilt: single(tilt_by_depth(low[1] - up[1])) }
+                let Some((other_z, other)) = other else { continue };
+                let landing = other.result.landing_z(gap) - own.result.landing_z(gap);
+                let depth = other.depth_at(own.middle()) - own.depth_at(own.middle());
+                let part = cubes[side] / both / (other_z - z);
+                slopes[0] += part * f64::from(landing);
+                slopes[1] += part * f64::from(depth);
+            }
+            let landing = ends.map(|end| own.result.landing_z(gap) + single((end - z) * slopes[0]));
+            let depth = (ends[1] - ends[0]) * slopes[1];
+            Slopes { landing, tilt: single(tilt_by_depth(depth)) }
         };
         line.pieces.iter().map(of_piece).collect()
     }
