@@ -150,12 +150,10 @@ fn twenty_designs_take_about_the_rays_and_lines_of_one() {
         let all = lit(backend.clone(), &scenes)[0].record.tally;
         // The design in the middle.
         let one = lit(backend, &scenes[9..10])[0].record.tally;
-        let [rays, lines] = [[all.rays, one.rays], [all.lines, one.lines]];
-        println!("{name}: rays {rays:?}, lines {lines:?}");
-        assert!(rays[1] + lines[1] > 500, "{name}");
-        for [all, one] in [rays, lines] {
-            assert!(2 * all <= 3 * one, "{name}: {all} of 20 designs, {one} of one");
-        }
+        let [of_all, of_one] = [all, one].map(|tally| tally.rays + tally.lines);
+        println!("{name}: {of_all} rays and lines of 20 designs, {of_one} of one");
+        assert!(of_one > 500, "{name}");
+        assert!(2 * of_all <= 3 * of_one, "{name}: {of_all} of 20 designs, {of_one} of one");
     }
 }
 
