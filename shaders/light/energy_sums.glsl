@@ -56,7 +56,7 @@ float variance_z(Sums sums) {
 
 // Optical depth in the middle less the mean of that at the ends, to first order.
 float depth_curvature(Sums sums) {
-    return abs(sums.light.y / sqrt(sums.light.x * sums.light.z) - 1.0);
+    return abs(sums.light.y / (sqrt(sums.light.x) * sqrt(sums.light.z)) - 1.0);
 }
 
 // The same of the displacement.

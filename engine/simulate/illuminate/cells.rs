@@ -50,6 +50,11 @@ impl CellKernels {
         }
     }
 
+    /// The kernels that gather energies.
+    pub(crate) const fn gathering(&self) -> [&LazyKernel; 2] {
+        [&self.energies, &self.gather]
+    }
+
     /// The kernel of cells whose light lands in their row and the two beside it, or `far` in any row.
     pub(crate) const fn of(&self, edges: ApertureEdges, far: bool) -> &LazyKernel {
         match (edges, far) {
@@ -127,6 +132,28 @@ impl CellIlluminator {
         sums: &PixelSums,
         steps: u32,
     ) -> Result<()> {
+        let mut first = 0;
+        while first < lists.len() {
+            let mut cells = 0;
+            let fits = |list: &&CellBatch| {
+                cells += list.cells.len();
+                cells <= CELLS_TOGETHER
+            };
+            let some = first..first + lists[first..].iter().take_while(fits).count().max(1);
+            first = some.end;
+            self.add_together(&lights[some.clone()], &lists[some], sums, steps)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the light of lists that are on the device together.
+    fn add_together(
+        &mut self,
+        lights: &[IlluminationBuffer],
+        lists: &[CellBatch],
+        sums: &PixelSums,
+        steps: u32,
+    ) -> Result<()> {
         let (mut ordered, mut parts, mut pieces) = (Vec::new(), Vec::new(), Vec::new());
         let mut cells = 0;
         for (light, list) in lights.iter().zip(lists) {
@@ -175,14 +202,15 @@ impl CellIlluminator {
         steps: u32,
     ) -> Result<()> {
         let (mut parts, mut pieces, mut first_row) = (Vec::new(), Vec::new(), 0);
+        let rows_apart = lights.iter().any(IlluminationBuffer::rows_apart);
         for rows in &gathering.rows {
-            let all = add_parts(&mut parts, &rows.cell_rows, false);
+            let all = add_parts(&mut parts, &rows.cell_rows, rows_apart);
             let far = add_parts(&mut parts, &rows.cell_rows[..rows.far], true);
             for light in &lights[rows.lists.clone()] {
                 let mut add = |parts: &Range<u32>, far, first_row| {
                     pieces.push(DispatchPart { light, far, parts: parts.clone(), first_row });
                 };
-                add(&all, light.rows_apart(), first_row);
+                add(&all, rows_apart, first_row);
                 add(&far, true, first_row + rows.cell_rows.len());
                 first_row += rows.rows_of_list();
             }

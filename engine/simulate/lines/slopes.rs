@@ -44,8 +44,8 @@ impl LinePatch {
             Some(NeighbourLine { z: self.heights.z(number), pieces: &line.pieces })
         };
         let mut beside = [number.checked_sub(1).and_then(beside), beside(number + 1)];
-        // Of the straight line through the line's own light that is nearest to the light towards the lines beside: over little
-        // height light may jump.
+        // The straight line through the line's own light that is nearest, in the mean square, to the light towards the lines
+        // beside: a jump over little height does not count. Towards a line of other surfaces light is taken as constant.
         let cubes = [0, 1].map(|side| (ends[side] - z).abs().powi(3));
         let both = (cubes[0] + cubes[1]).max(f64::MIN_POSITIVE);
         let of_piece = |own: &Piece| {

@@ -31,7 +31,7 @@ pub(super) struct Blank<'s> {
 
 impl<'s> Blank<'s> {
     pub(super) fn new(designs: &'s [Simulation], cancel: &Cancel) -> Result<Self> {
-        LazyKernel::make_all(&[CellLight::kernel(&designs[0])], cancel)?;
+        LazyKernel::make_all(&CellLight::kernels(&designs[0]), cancel)?;
         Ok(Self { designs, cells: CellLight::new(designs, cancel)? })
     }
 }

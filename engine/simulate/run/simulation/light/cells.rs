@@ -73,10 +73,12 @@ impl<'s> CellLight<'s> {
         })
     }
 
-    /// The kernel of most cells.
-    pub(super) fn kernel(simulation: &Simulation) -> &LazyKernel {
+    /// The kernels of most cells.
+    pub(super) fn kernels(simulation: &Simulation) -> Vec<&LazyKernel> {
         let edges = ApertureEdges::of(simulation.detector.optics());
-        simulation.simulator.illuminate_kernels().of(edges, false)
+        let kernels = simulation.simulator.illuminate_kernels();
+        let gather = simulation.light.spectrum().map(|_| kernels.gathering());
+        std::iter::once(kernels.of(edges, false)).chain(gather.into_iter().flatten()).collect()
     }
 
     /// Begins sums of rows at a list of mask offsets of each design.

@@ -37,7 +37,8 @@ impl<'s> Lines<'s> {
         let simulation = &designs[0];
         let tracer = simulation.tracer(cancel)?;
         let [walk, exact] = tracer.wanted_kernels();
-        LazyKernel::make_all(&[exact, walk, CellLight::kernel(simulation)], cancel)?;
+        let of_cells = CellLight::kernels(simulation);
+        LazyKernel::make_all(&[&[exact, walk], &of_cells[..]].concat(), cancel)?;
         Ok(Self {
             designs,
             simulation,
