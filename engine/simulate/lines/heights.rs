@@ -9,6 +9,7 @@
 mod draws;
 mod estimate;
 mod features;
+mod moved;
 
 use super::window_light::Values;
 use beamlet_core::numbers;
@@ -16,6 +17,7 @@ pub(crate) use draws::Draws;
 use estimate::Estimate;
 pub(crate) use features::Features;
 use features::{MOST_JUMPS, jumps};
+pub(crate) use moved::Moved;
 
 /// Part of the squared limit of errors that intervals which stay whole may have: where a few jumps have most of the
 /// error, halving all others is in vain.
@@ -26,39 +28,6 @@ pub(crate) const LEAST_OF_RAYS: f64 = 1.0 / 4096.0;
 /// Most intervals of a row before its first light, and lines at ends of bodies that are not flat: of few bodies each end
 /// counts, of many the light between lines varies anyway.
 const MOST_FIRST: u32 = 26;
-
-/// Light of a mask step by its displacement, rows downwards; more than a row counts as one.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Moved {
-    /// All light.
-    pub light: f32,
-    /// Light times displacement.
-    pub displaced: f32,
-    /// Light times distance.
-    pub distance: f32,
-    /// Light times the square of displacement.
-    pub square: f32,
-}
-
-impl Moved {
-    /// Adds light that is displaced so far, rows.
-    pub(crate) fn add(&mut self, light: f32, displacement: f32) {
-        // More than a row takes no more light out of its own.
-        let displacement = displacement.clamp(-1.0, 1.0);
-        self.light += light;
-        self.displaced += light * displacement;
-        self.distance += light * displacement.abs();
-        self.square += light * displacement * displacement;
-    }
-
-    /// Adds a share of other light to a share of this.
-    pub(crate) fn mix(&mut self, own: f32, share: f32, other: &Self) {
-        self.light = own * self.light + share * other.light;
-        self.displaced = own * self.displaced + share * other.displaced;
-        self.distance = own * self.distance + share * other.distance;
-        self.square = own * self.square + share * other.square;
-    }
-}
 
 /// Light of a line, as heights are judged by it.
 pub(crate) trait Judged {
