@@ -209,7 +209,7 @@ shared_structs! {
         pub heights: u32,
         /// Width of the widest cell that needs all of the accuracy, m.
         pub full_width: f32,
-        /// Of displacements on the analyser, m.
+        /// Tolerance of displacements on the analyser, m.
         pub tolerance: f32,
         /// Largest standard deviation of the displacement over the energies of a cell, m: along x on the analyser.
         pub spread_x: f32,
@@ -219,9 +219,9 @@ shared_structs! {
         pub gap: f32,
         /// Analyser / detector distance.
         pub ratio: f32,
-        /// M, on the detector.
+        /// Height of a row on the detector, m.
         pub row_pitch: f32,
-        /// Rows, standard deviation.
+        /// Standard deviation of the blur over rows, rows.
         pub row_blur: f32,
     }
 
@@ -242,7 +242,7 @@ shared_structs! {
         pub variance: f32,
     }
 
-    /// What a cell row is gathered with.
+    /// Effect of the masks on a cell row, and its places among gathered cells.
     pub struct EnergyRow in EnergyRows(readonly) {
         /// First word of the effect of the masks at its place: `[group][energy]` shares, `[energy]` shares of all groups,
         /// `[energy][mask]` narrowing, `[group]` first energy, end of the energies, and limits of joined cells: width (< 0:
@@ -344,9 +344,9 @@ shared_structs! {
         pub pixel_pitch: f32,
         /// Intensity per metre of the cell plane.
         pub weight: f32,
-        /// Rows, standard deviation.
+        /// Standard deviation of the blur over rows, rows.
         pub row_blur: f32,
-        /// M, on the detector.
+        /// Height of a row on the detector, m.
         pub row_pitch: f32,
         /// Slope dz/dy per row, downwards < 0.
         pub row_slope: f32,

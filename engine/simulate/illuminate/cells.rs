@@ -87,8 +87,8 @@ pub(crate) struct CellIlluminator {
     /// Parts of cell rows times steps of a submission.
     pace: Pace,
     /// Dispatches of the next submission, and their cost.
-    planned: Vec<(ApertureEdges, bool, IlluminatePush)>,
-    /// Dispatches before these.
+    planned: Vec<PlannedDispatch>,
+    /// Gathering that the next submission begins with.
     gathering: Option<Dispatches>,
     planned_cost: u64,
     cancel: Cancel,
@@ -186,7 +186,7 @@ impl CellIlluminator {
             uploads.push(Upload::new(&buffers[0], at, &list.cells));
             at += size_of_val(&list.cells[..]) as u64;
         }
-        self.illuminate(&buffers, (&pieces, &parts), (sums, steps), uploads)
+        self.illuminate(&buffers, &DispatchParts { pieces, parts }, sums, steps, uploads)
     }
 
     /// Adds the light of all energies of cells to the sums, at `steps` mask steps. `lights`: of the lists of the gatherer.
@@ -220,7 +220,7 @@ impl CellIlluminator {
         let inputs = self.inputs.fit::<u8>(gathering.bytes())?;
         let inputs = [inputs, self.results.fit::<EnergyResult>(gathering.results)?];
         self.gathering = Some(gatherer.prepare(gathering, &inputs, &buffers, &mut uploads));
-        self.illuminate(&buffers, (&pieces, &parts), (sums, steps), uploads)
+        self.illuminate(&buffers, &DispatchParts { pieces, parts }, sums, steps, uploads)
     }
 
     /// Buffers of this many cells, and of cell rows.
@@ -233,11 +233,13 @@ impl CellIlluminator {
     fn illuminate(
         &mut self,
         [cells, cell_rows]: &[Arc<Buffer>; 2],
-        (pieces, parts): (&[DispatchPart<'_>], &[CellRowPart]),
-        (sums, steps): (&PixelSums, u32),
+        DispatchParts { pieces, parts }: &DispatchParts<'_>,
+        sums: &PixelSums,
+        steps: u32,
         uploads: Vec<Upload<'_>>,
     ) -> Result<()> {
         let buffer = self.parts.fit::<CellRowPart>(parts.len().max(CELLS_TOGETHER))?;
+        // These live no longer than the buffer.
         let mut uploads: Vec<Upload<'_>> = uploads;
         uploads.push(Upload::new(&buffer, 0, parts));
         let template = IlluminatePush {
@@ -292,7 +294,7 @@ impl CellIlluminator {
                     if self.planned_cost + items > u64::from(self.pace.size()) {
                         self.run(uploads)?;
                     }
-                    self.planned.push((light.edges(), *far, push));
+                    self.planned.push(PlannedDispatch { edges: light.edges(), far: *far, push });
                     self.planned_cost += items;
                     first_step = last_step;
                 }
@@ -308,7 +310,7 @@ impl CellIlluminator {
         let planned = std::mem::take(&mut self.planned);
         self.planned_cost = 0;
         let kernels = self.kernels.clone();
-        let made = planned.iter().map(|(edges, far, _)| kernels.of(*edges, *far).get());
+        let made = planned.iter().map(|it| kernels.of(it.edges, it.far).get());
         let made: Vec<_> = made.collect::<Result<_>>()?;
         let uploads = std::mem::take(uploads);
         let gathering = self.gathering.take();
@@ -318,7 +320,7 @@ impl CellIlluminator {
             if let Some((gathering, kernels)) = &gathering {
                 gathering.record(*kernels, r);
             }
-            for ((.., push), kernel) in planned.iter().zip(&made) {
+            for (PlannedDispatch { push, .. }, kernel) in planned.iter().zip(&made) {
                 let shares = (push.last_step - push.first_step).div_ceil(push.steps_each);
                 let groups = [push.part_count.div_ceil(GROUP), shares, 1];
                 r.dispatch(kernel, bytemuck::bytes_of(push), groups);
@@ -328,6 +330,21 @@ impl CellIlluminator {
         self.pace.adapt(time);
         Ok(())
     }
+}
+
+/// Dispatch of a kernel of cells.
+#[derive(Debug)]
+struct PlannedDispatch {
+    edges: ApertureEdges,
+    /// Light may land in any row.
+    far: bool,
+    push: IlluminatePush,
+}
+
+/// Parts of cell rows, and what kernels do with them.
+struct DispatchParts<'l> {
+    pieces: Vec<DispatchPart<'l>>,
+    parts: Vec<CellRowPart>,
 }
 
 /// Parts of cell rows for one kernel.

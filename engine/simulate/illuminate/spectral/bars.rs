@@ -37,7 +37,7 @@ pub(super) type BarPlace = (u32, i64);
 pub(super) struct MaskTransmissionCache(Vec<(BarPlace, MaskTransmission)>);
 
 impl MaskTransmissionCache {
-    /// Replaces the places by those of cell rows.
+    /// Takes the places of these cell rows instead of those before.
     pub(super) fn set_places(&mut self, binning: &EnergyBinning, cell_rows: &[CellRow]) {
         let mut places: Vec<BarPlace> = cell_rows.iter().map(|it| binning.place(it)).collect();
         places.sort_unstable();

@@ -49,7 +49,7 @@ pub(crate) struct Gathering<'c> {
     rays: Vec<RayResult>,
     repeated: Vec<u32>,
     bars: Vec<f32>,
-    /// Those of groups, and those that go energy by energy.
+    /// Cell rows whose light is gathered by groups, and those that go energy by energy.
     pub(in crate::illuminate) rows: [GatheredRows; 2],
     /// Places of gathered cells.
     pub(in crate::illuminate) places: usize,
@@ -85,7 +85,7 @@ impl Gathering<'_> {
 pub(crate) struct Gatherer<'s> {
     binning: &'s EnergyBinning,
     params: Buffer,
-    /// That the parameters point to.
+    /// Constants, which the parameters point to.
     _constants: Buffer,
     bars: MaskTransmissionCache,
 }
@@ -206,11 +206,19 @@ impl<'s> Gatherer<'s> {
                 by_energy: rows.by_energy.into(),
             };
             first_row += (rows.rows_of_list() * rows.lists.len() * size_of::<CellRow>()) as Address;
-            (push, count(rows.lists.len()))
+            GatherDispatch { push, lists: count(rows.lists.len()) }
         });
         let gather = gather.collect();
         Dispatches { energies, energy_count: count(self.binning.nodes()), gather }
     }
+}
+
+/// Dispatch that gathers cell rows into lists.
+#[derive(Debug)]
+struct GatherDispatch {
+    push: GatherPush,
+    /// Number of the lists.
+    lists: u32,
 }
 
 /// Dispatches of the gathering.
@@ -218,8 +226,7 @@ impl<'s> Gatherer<'s> {
 pub(in crate::illuminate) struct Dispatches {
     energies: EnergiesPush,
     energy_count: u32,
-    /// With the number of lists.
-    gather: Vec<(GatherPush, u32)>,
+    gather: Vec<GatherDispatch>,
 }
 
 impl Dispatches {
@@ -234,7 +241,7 @@ impl Dispatches {
             [push.cell_count.div_ceil(GROUP), self.energy_count.div_ceil(ENERGIES_EACH), 1];
         r.dispatch(energies, bytemuck::bytes_of(push), groups);
         r.barrier();
-        for (push, lists) in &self.gather {
+        for GatherDispatch { push, lists } in &self.gather {
             let groups = [push.row_count.div_ceil(GROUP), *lists, 1];
             r.dispatch(gather, bytemuck::bytes_of(push), groups);
         }

@@ -174,10 +174,10 @@ impl<L: Judged + Clone> Heights<L> {
         let [light, distance, square] = [moved.light, moved.distance, moved.square].map(f64::from);
         let blur = self.limits.reach.max(f64::MIN_POSITIVE);
         let beyond = (border - blur).max(f64::MIN_POSITIVE);
-        // By more than the distance to the border: d² h / z² of the light lies farther than z.
+        // Light that is displaced by more than z: d² h / z² of it.
         let farther =
             libm::cbrt(light * light * square * height).min(square * height / (beyond * beyond));
-        // By a part of the blur.
+        // Light that is displaced by a part of the blur.
         let blurred = 2.0 * distance * (height / blur).min((height / blur).sqrt());
         farther.min(blurred).min(light * height)
     }
