@@ -8,7 +8,7 @@
 //!   `combined_light`: behind the masks of several designs (`designs.rs`).
 //! - `heights`: lines of a row, and the error of their sum (`heights/tests.rs`, `tests/physics/waves/heights.rs`).
 //! - `even`: evenly spread rays among many bodies (`unresolved.rs`, `foam.rs`).
-//! - `patches`: lines or rays of patches (`kinds.rs`, `borders.rs`).
+//! - `patches`: lines or rays of patches (`kinds.rs`, `borders.rs`); `work`: patches in work.
 //! - `slopes`: light over the height of a cell (`apertures.rs`).
 //! - `audit`: measured errors of patches (`audit.rs`, `tests/metamorphic/audits.rs`).
 
@@ -25,6 +25,7 @@ mod patches;
 mod sections;
 mod slopes;
 mod window_light;
+mod work;
 
 pub(crate) use even::{EvenCell, EvenPatch};
 pub(crate) use heights::{Features, Heights, Judged, JudgedLight, LEAST_OF_RAYS, Limits, Uneven};
@@ -33,3 +34,4 @@ pub(crate) use patch_places::PatchPlaces;
 pub(crate) use patches::{LinePatch, LineSampler, Sampled};
 pub(crate) use slopes::Slopes;
 pub(crate) use window_light::Values;
+pub(crate) use work::{PATCHES_AT_ONCE, PIECES_AT_ONCE, cells_at_once};

@@ -8,11 +8,12 @@ use super::light::LitLine;
 use super::line::{LinePlace, MOST_PIECES, NARROWEST, Piece, Source, incline};
 use super::patch_places::PatchPlaces;
 use super::sections::SurfaceLines;
-use crate::sampling::{ColumnOpenings, ViewContext, safety, tally_of};
+use super::work::{AwaitedLine, OpenLine, Patches, Work};
+use crate::sampling::{ColumnOpenings, Room, ViewContext, safety, tally_of};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
-use beamlet_core::{Result, numbers};
-use beamlet_interface::Ray;
+use beamlet_core::{Cancel, Result, numbers};
+use beamlet_interface::{Ray, RayResult};
 use beamlet_model::spot::differ_along_z;
 use rayon::prelude::*;
 use std::sync::Arc;
@@ -44,9 +45,18 @@ pub(crate) struct LinePatch {
     signature: Option<u32>,
     /// True if silhouettes cross it.
     pub(super) is_cut: bool,
+    /// Lines that it waits for.
+    awaited: Vec<AwaitedLine>,
+    /// Bytes of its lines.
+    pub(super) bytes: u64,
 }
 
 impl LinePatch {
+    fn new(beamlet: i64, row: i64, heights: Heights<Arc<LitLine>>) -> Self {
+        let awaited = Vec::new();
+        Self { beamlet, row, heights, signature: None, is_cut: false, awaited, bytes: 0 }
+    }
+
     fn place(&self, z: f64) -> LinePlace {
         LinePlace { beamlet: self.beamlet, row: self.row as f64 + z }
     }
@@ -62,6 +72,26 @@ impl LinePatch {
         }
     }
 
+    /// True if it wants no other line.
+    pub(super) fn is_done(&self) -> bool {
+        self.awaited.is_empty() && self.heights.wanted().next().is_none()
+    }
+
+    /// Takes the lines that it waits for, where each of them is lit, and wants others or is done. `most`: its rays.
+    fn take(&mut self, most: usize) {
+        let lines: Option<Vec<_>> = self.awaited.iter().map(|it| it.get().cloned()).collect();
+        let Some(lines) = lines.filter(|it| !it.is_empty()) else { return };
+        self.awaited.clear();
+        self.look_for_silhouettes(&lines);
+        self.bytes += lines.iter().map(|line| line.bytes()).sum::<u64>();
+        let pieces = lines.iter().map(|line| line.pieces.len()).sum::<usize>() / lines.len().max(1);
+        self.heights.limit(most / pieces.max(1));
+        if self.is_cut {
+            self.heights.judge_light_alone();
+        }
+        self.heights.add(lines.into_iter());
+    }
+
     /// Estimated errors: of light, and by light and displacement, in the unit of light.
     fn errors(&mut self) -> [f64; 2] {
         let all = self.heights.error();
@@ -74,13 +104,6 @@ impl LinePatch {
         let by_rays: f64 = self.heights.light().enumerate().map(of_line).sum();
         [light.hypot(by_rays), all.hypot(by_rays)]
     }
-}
-
-/// Patches of many bodies.
-struct Evenly {
-    even: Vec<EvenPatch>,
-    /// Places of those whose bodies rays resolve.
-    resolved: Vec<(i64, i64)>,
 }
 
 /// Windows along z that take the light of a cell as even.
@@ -135,34 +158,54 @@ impl<'a> LineSampler<'a> {
         }
     }
 
-    /// Patches with the lines or rays that their light needs; nothing where they would hold more than `room` bytes
-    /// together.
+    /// Chooses the lines or rays that the light of patches needs, and hands the patches over, in parts.
     ///
     /// # Errors
-    /// As [`Tracer::trace`].
+    /// As [`Tracer::trace`]; [`beamlet_core::Error::Memory`] where a patch exceeds `room`; errors of `take`.
     pub(crate) fn sample(
         &self,
         tracer: &mut Tracer,
         places: &[(i64, i64)],
         of: &PatchPlaces,
-        room: u64,
-    ) -> Result<Option<Sampled>> {
-        let (crowded, mut of_lines): (Vec<_>, Vec<_>) =
+        room: &Room,
+        take: &mut dyn FnMut(&mut Tracer, Sampled) -> Result<()>,
+    ) -> Result<()> {
+        let (crowded, few) =
             places.iter().partition(|(beamlet, row)| of.is_crowded(*beamlet, *row));
-        let Some(Evenly { even, resolved }) = self.sample_evenly(tracer, &crowded, of, room)?
-        else {
-            return Ok(None);
-        };
-        of_lines.extend(resolved);
-        let held: u64 = even.iter().map(EvenPatch::bytes).sum();
-        let patch = |&(beamlet, row): &(i64, i64)| {
-            let heights = Heights::new(&of.at(beamlet, row)?.features, self.limits);
-            Some(LinePatch { beamlet, row, heights, signature: None, is_cut: false })
-        };
-        let mut lines: Vec<LinePatch> = of_lines.iter().filter_map(patch).collect();
-        if !self.choose_heights(tracer, &mut lines, room.saturating_sub(held))? {
-            return Ok(None);
+        let mut work = Work::new([few, crowded], room.bytes());
+        let cancel = tracer.cancel().clone();
+        self.go_on(&cancel, &mut work, of)?;
+        loop {
+            let rays = self.rays(&work);
+            let (even, open) = (work.begun.even.len(), work.open.len());
+            let go_on = || self.go_on(&cancel, &mut work, of);
+            let (results, others) = rayon::join(|| tracer.trace(&rays), go_on);
+            let results = others.and(results)?;
+            let results = self.take_even(even, &results, &mut work, of);
+            self.take_rays(open, results, &mut work);
+            let is_full = work.is_full() || work.bytes() > room.bytes();
+            if is_full && work.done.count() > 0 {
+                let sampled = self.finish(tracer, work.take_done())?;
+                take(tracer, sampled)?;
+            }
+            if work.is_at_end() {
+                return Ok(());
+            }
+            if work.bytes() > room.bytes() {
+                // Work that is lost comes to the same.
+                if let Some(alone) = work.leave_half() {
+                    return Err(room.too_small(alone));
+                }
+            }
         }
+    }
+
+    /// Errors and counts of patches that are done.
+    fn finish(&self, tracer: &mut Tracer, patches: Patches) -> Result<Sampled> {
+        let Patches { mut lines, mut even } = patches;
+        // In an order that no number of rounds changes.
+        lines.sort_by_key(|patch| (patch.row, patch.beamlet));
+        even.sort_by_key(|patch| (patch.row, patch.beamlet));
         let budget = &self.view.budget;
         let errors: Vec<[f64; 2]> = lines.par_iter_mut().map(LinePatch::errors).collect();
         let of_lines = lines.iter().zip(&errors).map(|(patch, [light, all])| {
@@ -177,7 +220,7 @@ impl<'a> LineSampler<'a> {
             let lines: Vec<(&LinePatch, f64)> = lines.collect();
             tally.audit = tracer.leave_out(|it| self.auditor().audit(it, &lines, &even))?;
         }
-        Ok(Some(Sampled { lines, even, tally }))
+        Ok(Sampled { lines, even, tally })
     }
 
     fn auditor(&self) -> Auditor<'_> {
@@ -189,150 +232,140 @@ impl<'a> LineSampler<'a> {
         }
     }
 
-    /// Patches of many bodies with rays that are spread evenly; nothing where they hold more than `room` bytes.
-    fn sample_evenly(
-        &self,
-        tracer: &mut Tracer,
-        places: &[(i64, i64)],
-        of: &PatchPlaces,
-        room: u64,
-    ) -> Result<Option<Evenly>> {
-        let column = |beamlet: i64| self.view.lattice.column(beamlet);
-        let begin = |(beamlet, row): &(i64, i64)| {
-            self.even.begin(*beamlet, *row, &self.openings[column(*beamlet)])
-        };
-        let mut waiting: Vec<EvenPatch> = places.iter().map(begin).collect();
-        let (mut done, mut resolved) = (Vec::new(), Vec::new());
-        while !waiting.is_empty() {
-            tracer.cancel().check()?;
-            let held = done.iter().chain(&waiting).map(EvenPatch::bytes).sum::<u64>();
-            if held > room {
-                return Ok(None);
-            }
-            let rays = |patch: &EvenPatch| {
-                let ray = |[x, z]: [f32; 2]| self.view.ray(patch.beamlet, patch.row, x, z);
-                patch.rays().map(ray).collect::<Vec<Ray>>()
-            };
-            let rays = waiting.par_iter().map(rays).collect::<Vec<_>>().concat();
-            let results = tracer.trace(&rays)?;
-            let mut rest = &results[..];
-            let own = |patch: EvenPatch| {
-                let (own, after) = rest.split_at(patch.count() as usize);
-                rest = after;
-                (patch, own)
-            };
-            let with_results: Vec<_> = std::mem::take(&mut waiting).into_iter().map(own).collect();
-            let judged = with_results.into_par_iter().map(|(mut patch, results)| {
-                let openings = &self.openings[column(patch.beamlet)];
-                let bodies =
-                    of.at(patch.beamlet, patch.row).map(|it| it.bodies).unwrap_or_default();
-                let next = self.even.take(&mut patch, results, openings, &bodies);
-                (patch, next)
-            });
-            for (patch, next) in judged.collect::<Vec<_>>() {
-                match next {
-                    Next::Done => done.push(patch),
-                    Next::Lines => resolved.push((patch.beamlet, patch.row)),
-                    Next::Rays { .. } => waiting.push(patch),
-                }
-            }
-        }
-        // In an order that no number of trials changes.
-        done.sort_by_key(|patch| (patch.row, patch.beamlet));
-        Ok(Some(Evenly { even: done, resolved }))
-    }
-
-    /// Adds lines to patches until their light is within the limits. Rows side by side share the line at their border.
-    /// False if the patches hold more than `room` bytes.
-    fn choose_heights(
-        &self,
-        tracer: &mut Tracer,
-        patches: &mut [LinePatch],
-        room: u64,
-    ) -> Result<bool> {
-        let mut held = 0;
+    /// Takes patches on until each waits for rays or is done; begins others where there is room for them.
+    fn go_on(&self, cancel: &Cancel, work: &mut Work, of: &PatchPlaces) -> Result<()> {
         loop {
-            tracer.cancel().check()?;
-            let of_patch = |patch: &LinePatch| -> Vec<LinePlace> {
-                patch.heights.wanted().map(|z| patch.place(z)).collect()
-            };
-            let wanted: Vec<Vec<LinePlace>> = patches.iter().map(of_patch).collect();
-            let places = LinePlace::distinct(wanted.concat());
-            if places.is_empty() {
-                return Ok(true);
+            let [few, crowded] = work.next();
+            work.begun.lines.extend(few.into_iter().filter_map(|at| self.patch_of_lines(at, of)));
+            work.begun.even.extend(crowded.into_iter().map(|(beamlet, row)| {
+                self.even.begin(beamlet, row, &self.openings[self.view.lattice.column(beamlet)])
+            }));
+            self.begin_lines(cancel, work)?;
+            if work.ready.is_empty() {
+                return Ok(());
             }
-            let lines = self.lines(tracer, &places)?;
-            held += lines.iter().map(|line| line.bytes()).sum::<u64>();
-            if held > room {
-                return Ok(false);
-            }
-            let undone = patches.par_iter_mut().zip(wanted).filter(|(_, own)| !own.is_empty());
-            undone.for_each(|(patch, own)| {
-                let line = |place: &LinePlace| Some(lines[place.index(&places)?].clone());
-                let own: Vec<Arc<LitLine>> = own.iter().filter_map(line).collect();
-                patch.look_for_silhouettes(&own);
-                let pieces =
-                    own.iter().map(|line| line.pieces.len()).sum::<usize>() / own.len().max(1);
-                patch.heights.limit(self.view.budget.max_rays as usize / pieces.max(1));
-                if patch.is_cut {
-                    patch.heights.judge_light_alone();
-                }
-                patch.heights.add(own.into_iter());
-            });
+            self.light_lines(cancel, work)?;
         }
     }
 
-    /// Lines at some places, sorted by row, then beamlet.
-    fn lines(&self, tracer: &mut Tracer, places: &[LinePlace]) -> Result<Vec<Arc<LitLine>>> {
-        let view = self.view;
-        let column = |place: &LinePlace| self.view.lattice.column(place.beamlet);
+    /// Begins the lines that patches want. Rows side by side share the line at their border.
+    fn begin_lines(&self, cancel: &Cancel, work: &mut Work) -> Result<()> {
+        let wanted = |patch: &LinePatch| -> Vec<LinePlace> {
+            let wanted = patch.heights.wanted().filter(|_| patch.awaited.is_empty());
+            wanted.map(|z| patch.place(z)).collect()
+        };
+        let wanted: Vec<Vec<LinePlace>> = work.begun.lines.par_iter().map(wanted).collect();
+        let places = LinePlace::distinct(wanted.concat());
+        let light: Vec<AwaitedLine> = places.iter().map(|_| AwaitedLine::default()).collect();
+        let own = work.begun.lines.par_iter_mut().zip(wanted);
+        own.filter(|(_, wanted)| !wanted.is_empty()).for_each(|(patch, wanted)| {
+            let line = |place: &LinePlace| Some(light[place.index(&places)?].clone());
+            patch.awaited = wanted.iter().filter_map(line).collect();
+        });
         let openings = |beamlet: i64| &self.openings[self.view.lattice.column(beamlet)].widest[..];
-        let cancel = tracer.cancel().clone();
-        let of_run = |run: &&[LinePlace]| {
+        let of_run = |run: &[LinePlace]| {
             cancel.check()?;
             let beamlets = run[0].beamlet..run[run.len() - 1].beamlet + 1;
             Ok(self.surfaces.lines(run[0].row, &beamlets, openings))
         };
         let runs: Vec<&[LinePlace]> = places.chunk_by(follows).collect();
-        let runs = runs.par_iter().map(of_run).collect::<Result<Vec<_>>>()?;
-        let mut lines: Vec<Vec<Piece>> = runs.into_iter().flatten().collect();
-        loop {
-            tracer.cancel().check()?;
-            let wanted = |(place, pieces): (&LinePlace, &Vec<Piece>)| {
-                let wanted = pieces.iter().filter(|it| it.source == Source::Wanted);
-                let ray =
-                    |it: &Piece| view.lattice.ray(place.beamlet, it.middle(), place.row, view.pose);
-                wanted.map(ray).collect::<Vec<Ray>>()
-            };
-            let wanted: Vec<Vec<Ray>> = places.par_iter().zip(&lines).map(wanted).collect();
-            let rays = wanted.concat();
-            if rays.is_empty() {
-                break;
-            }
-            let results = tracer.trace(&rays)?;
-            let mut results = results.iter();
-            for pieces in &mut lines {
-                for (piece, ray) in
-                    pieces.iter_mut().filter(|it| it.source == Source::Wanted).zip(&mut results)
-                {
-                    piece.take(ray);
-                }
-            }
-            // A line without new rays stays as it is.
-            let all = lines.par_iter_mut().zip(places).zip(wanted);
-            let traced = all.filter(|(_, rays)| !rays.is_empty());
-            traced.for_each(|((pieces, place), _)| {
-                incline(pieces);
-                self.split(column(place), pieces);
-            });
-        }
-        let light = lines.into_par_iter().zip(places).map(|(pieces, place)| {
+        let pieces = runs.into_par_iter().map(of_run).collect::<Result<Vec<_>>>()?;
+        let lines = pieces.into_iter().flatten().zip(places).zip(light);
+        work.add(lines.map(|((pieces, place), light)| OpenLine { place, pieces, light }));
+        Ok(())
+    }
+
+    /// A patch of lines.
+    fn patch_of_lines(&self, (beamlet, row): (i64, i64), of: &PatchPlaces) -> Option<LinePatch> {
+        let heights = Heights::new(&of.at(beamlet, row)?.features, self.limits);
+        Some(LinePatch::new(beamlet, row, heights))
+    }
+
+    /// Lights the lines that want no rays, and patches take them.
+    fn light_lines(&self, cancel: &Cancel, work: &mut Work) -> Result<()> {
+        let ready = std::mem::take(&mut work.ready).into_par_iter();
+        ready.try_for_each(|OpenLine { place, pieces, light }| {
             cancel.check()?;
-            let openings = &self.openings[column(place)];
-            let light = self.illumination.illuminate(column(place), place.row, openings, pieces);
-            Ok(Arc::new(light))
+            let column = self.view.lattice.column(place.beamlet);
+            let openings = &self.openings[column];
+            let lit = self.illumination.illuminate(column, place.row, openings, pieces);
+            // Each line is lit once.
+            let _ = light.set(Arc::new(lit));
+            Ok(())
+        })?;
+        let most = self.view.budget.max_rays as usize;
+        work.begun.lines.par_iter_mut().for_each(|patch| patch.take(most));
+        work.settle();
+        Ok(())
+    }
+
+    /// Rays that patches and lines wait for.
+    fn rays(&self, work: &Work) -> Vec<Ray> {
+        let view = self.view;
+        let of_even = |patch: &EvenPatch| {
+            let ray = |[x, z]: [f32; 2]| view.ray(patch.beamlet, patch.row, x, z);
+            patch.rays().map(ray).collect::<Vec<Ray>>()
+        };
+        let of_line = |line: &OpenLine| {
+            let LinePlace { beamlet, row } = line.place;
+            let ray = |x: f64| view.lattice.ray(beamlet, x, row, view.pose);
+            line.wanted().map(ray).collect::<Vec<Ray>>()
+        };
+        let even = work.begun.even.par_iter().map(of_even);
+        even.chain(work.open.par_iter().map(of_line)).collect::<Vec<_>>().concat()
+    }
+
+    /// The first patches of many bodies take their rays; results that are left.
+    fn take_even<'r>(
+        &self,
+        count: usize,
+        mut results: &'r [RayResult],
+        work: &mut Work,
+        of: &PatchPlaces,
+    ) -> &'r [RayResult] {
+        let with_results = |patch: EvenPatch| {
+            let (own, rest) = results.split_at(patch.count() as usize);
+            results = rest;
+            (own, patch)
+        };
+        let patches: Vec<_> = work.begun.even.drain(..count).map(with_results).collect();
+        let judged = patches.into_par_iter().map(|(results, mut patch)| {
+            let openings = &self.openings[self.view.lattice.column(patch.beamlet)];
+            let bodies = of.at(patch.beamlet, patch.row).map(|it| it.bodies).unwrap_or_default();
+            let next = self.even.take(&mut patch, results, openings, &bodies);
+            (patch, next)
         });
-        light.collect()
+        for (patch, next) in judged.collect::<Vec<_>>() {
+            match next {
+                Next::Done => work.done.even.push(patch),
+                Next::Lines => {
+                    let at = (patch.beamlet, patch.row);
+                    work.begun.lines.extend(self.patch_of_lines(at, of));
+                }
+                Next::Rays { .. } => work.begun.even.push(patch),
+            }
+        }
+        results
+    }
+
+    /// The first lines that want rays take theirs.
+    fn take_rays(&self, count: usize, mut results: &[RayResult], work: &mut Work) {
+        let with_results = |line: OpenLine| {
+            let (own, rest) = results.split_at(line.wanted().count());
+            results = rest;
+            (own, line)
+        };
+        let lines: Vec<_> = work.open.drain(..count).map(with_results).collect();
+        let take = |(results, mut line): (&[RayResult], OpenLine)| {
+            let pieces = &mut line.pieces;
+            let wanted = pieces.iter_mut().filter(|it| it.source == Source::Wanted);
+            wanted.zip(results).for_each(|(piece, ray)| piece.take(ray));
+            incline(pieces);
+            self.split(self.view.lattice.column(line.place.beamlet), pieces);
+            line
+        };
+        let lines: Vec<OpenLine> = lines.into_par_iter().map(take).collect();
+        work.add(lines.into_iter());
     }
 
     /// Splits pieces whose rays do not say enough.

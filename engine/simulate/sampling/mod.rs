@@ -36,7 +36,7 @@ pub(crate) use response::{Opening, Response};
 pub(crate) use responses::{ColumnOpenings, Responses};
 pub use room::Room;
 pub(crate) use row_spread::tilt_by_depth;
-pub(crate) use rows::{PATCHES_AT_ONCE, sample_rows};
+pub(crate) use rows::sample_rows;
 pub(crate) use sample_facets::{SampleFacets, SurfaceStep};
 pub(crate) use strips::{Fall, StripPair, StripResponses};
 pub(crate) use survey::{RowsCost, count_patches, survey_rows};

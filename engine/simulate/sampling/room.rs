@@ -26,12 +26,12 @@ impl Room {
     }
 
     /// Bytes that lines may hold.
-    pub(super) fn bytes(&self) -> u64 {
+    pub(crate) fn bytes(&self) -> u64 {
         self.limit.map_or(MOST, |[_, left]| left).min(MOST) / self.whole()
     }
 
     /// The error of one patch whose lines hold more than there is room for.
-    pub(super) fn too_small(&self, (beamlet, row): (i64, i64)) -> Error {
+    pub(crate) fn too_small(&self, (beamlet, row): (i64, i64)) -> Error {
         let [limit, left] = self.limit.unwrap_or([u64::MAX; 2]);
         let needed = self.whole().saturating_mul(2 * self.bytes());
         Error::Memory {

@@ -5,17 +5,13 @@ use super::emission::Emitter;
 use super::lattice::Lattice;
 use super::room::Room;
 use super::view_context::ViewContext;
-use crate::lines::{LineSampler, PatchPlaces};
+use crate::lines::{LineSampler, PATCHES_AT_ONCE, PatchPlaces, Sampled};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
 use std::ops::Range;
 
 /// Rows of patches that are chosen side by side: lines at their borders serve both.
 const ROWS_TOGETHER: i64 = 4;
-/// Patches whose lines are chosen together.
-pub(crate) const PATCHES_AT_ONCE: usize = 1 << 10;
-/// Patches of many bodies, which may have many rays, that are sampled together.
-const CROWDED_AT_ONCE: usize = 64;
 
 /// Takes cell rows as they are ready; may trace with the tracer that it is lent.
 pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<()>;
@@ -101,26 +97,13 @@ pub(super) fn sample_patches(
     let sampler = LineSampler::new(view);
     let emitter = Emitter::new(view, lit);
     let mut done = 0;
-    let (crowded, others): (Vec<_>, Vec<_>) =
-        patches.iter().partition(|(beamlet, row)| of.is_crowded(*beamlet, *row));
-    let chunks = others.chunks(PATCHES_AT_ONCE).chain(crowded.chunks(CROWDED_AT_ONCE));
-    let mut waiting: Vec<&[(i64, i64)]> = chunks.rev().collect();
-    while let Some(some) = waiting.pop() {
-        let Some(sampled) = sampler.sample(tracer, some, of, room.bytes())? else {
-            if let [at] = *some {
-                return Err(room.too_small(at));
-            }
-            // Work that is lost comes to the same.
-            let (first, other) = some.split_at(some.len() / 2);
-            waiting.extend([other, first]);
-            continue;
-        };
+    let mut hand_over = |tracer: &mut Tracer, sampled: Sampled| {
         let (mut cells, empty) = emitter.cells(tracer, &sampled)?;
         cells.tally = sampled.tally;
-        done += some.len();
-        take(tracer, SampledCells { cells, empty, done })?;
-    }
-    Ok(())
+        done += sampled.lines.len() + sampled.even.len();
+        take(tracer, SampledCells { cells, empty, done })
+    };
+    sampler.sample(tracer, patches, of, room, &mut hand_over)
 }
 
 /// Rows whose rays go side by side.

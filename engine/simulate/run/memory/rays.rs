@@ -1,6 +1,7 @@
 //! How many beamlets and rays a scene has, before it is traced.
 
-use crate::sampling::{Lattice, PATCHES_AT_ONCE};
+use crate::lines::{PATCHES_AT_ONCE, PIECES_AT_ONCE};
+use crate::sampling::Lattice;
 use beamlet_core::{Error, Result, numbers};
 use beamlet_geometry::ObjectSummary;
 use beamlet_model::optics::Optics;
@@ -48,5 +49,6 @@ pub(super) fn cell_rays(optics: &Optics, lattice: &Lattice, objects: &[ObjectSum
         widths += width;
     }
     let most = all.min(beamlets * rows).min(PATCHES_AT_ONCE as f64);
-    [most, widths.min(beamlets)].map(|it| numbers::whole(it * of_beamlet))
+    [most, widths.min(beamlets)]
+        .map(|it| numbers::whole::<u64>(it * of_beamlet).min(PIECES_AT_ONCE))
 }

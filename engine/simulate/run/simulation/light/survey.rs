@@ -4,8 +4,9 @@
 use super::Pose;
 use super::blank::STEPS;
 use super::lines::Lines;
+use crate::lines::{PATCHES_AT_ONCE, cells_at_once};
 use crate::run::RunEstimate;
-use crate::sampling::{self, CellBatch, PATCHES_AT_ONCE, Responses, RowsCost};
+use crate::sampling::{self, CellBatch, Responses, RowsCost};
 use crate::trace::Tracer;
 use beamlet_core::random::GOLDEN;
 use beamlet_core::{Result, numbers};
@@ -68,7 +69,7 @@ impl Lines<'_> {
             rays: mean.rays * views,
             lines: views * mean.lines,
             seconds: views * seconds + (views + 1.0) * blank,
-            cells_at_once: cells_per_patch * mean.patches.min(PATCHES_AT_ONCE as f64),
+            cells_at_once: cells_at_once(mean.patches, cells_per_patch),
             patches_sampled: all.sampled,
             sampling_error: self.audit()?,
         })
