@@ -6,18 +6,13 @@ use super::emission::Emitter;
 use super::moment_recording::LinearModel;
 use super::rectangle::{PatchPlace, Rectangle};
 use beamlet_core::numbers;
-use beamlet_interface::{Cell, CellRow, FLAG_EXACT, FLAG_NOT_FINITE};
-use std::ops::Range;
+use beamlet_interface::{Cell, CellRow, FLAG_EXACT};
 
 /// A row of cells in the making.
 #[derive(Default)]
 struct RowCells {
     cells: Vec<Cell>,
     moments: CellMoments,
-    /// Rows where the light lands, relative to the row of the patch.
-    lands: Range<i64>,
-    /// Cells whose light lands too far off to follow.
-    landed_off: u64,
 }
 
 impl Emitter<'_> {
@@ -32,20 +27,32 @@ impl Emitter<'_> {
     ) -> CellBatch {
         let mut out = CellBatch::default();
         let words = if moments.is_empty() { 0 } else { 2 * words };
-        let mut begin = 0;
-        while begin < rectangles.len() {
-            let first = &rectangles[begin];
-            let runs_on = |pair: &[Rectangle]| {
-                pair[0].x[1].to_bits() == pair[1].x[0].to_bits()
-                    && pair[1].z.map(f32::to_bits) == first.z.map(f32::to_bits)
-            };
-            let more = rectangles[begin..].windows(2).take_while(|pair| runs_on(pair)).count();
-            let run = begin..begin + more + 1;
-            let moments = &moments[words * run.start..words * run.end];
-            self.push_row(&mut out, patch, &rectangles[run.clone()], moments);
-            begin = run.end;
+        let mut rest = moments;
+        for row in rectangles.chunk_by(Rectangle::is_before) {
+            let (own, after) = rest.split_at(words * row.len());
+            rest = after;
+            self.push_row(&mut out, patch, row, own);
         }
         out
+    }
+
+    /// Rectangles without the rows whose light misses all recorded rows, and the number of those whose light lands too far
+    /// off to follow.
+    pub(super) fn landing(&self, row: i64, rectangles: &[Rectangle]) -> (Vec<Rectangle>, u64) {
+        let farthest = self.view.lattice.halo as f32 * self.row_pitch;
+        let is_off =
+            |it: &&Rectangle| it.is_lit() && it.ends.result.landing_z(self.gap).abs() > farthest;
+        let lands = |it: &Rectangle| {
+            let down = f64::from(self.view.down(&it.ends.result)) * self.view.delta_ratio();
+            let [first, last] =
+                [down.min(0.0).floor(), down.max(0.0).ceil()].map(numbers::whole::<i64>);
+            row + first < self.recorded_rows.end && row + last + 1 > self.recorded_rows.start
+        };
+        let rows = rectangles.chunk_by(Rectangle::is_before);
+        let is_recorded = self.recorded_rows.contains(&row);
+        let kept = rows.filter(|row| is_recorded || row.iter().any(|it| it.is_lit() && lands(it)));
+        let off = rectangles.iter().filter(is_off).count();
+        (kept.flatten().copied().collect(), off as u64)
     }
 
     /// A row of cells, of rectangles at the same heights.
@@ -61,23 +68,18 @@ impl Emitter<'_> {
             return;
         }
         let words = moments.len() / rectangles.len();
-        let mut row = RowCells { lands: 0..1, ..RowCells::default() };
+        let mut row = RowCells::default();
         row.cells.reserve(rectangles.len());
         for (index, rectangle) in rectangles.iter().enumerate() {
             let of_cell = &moments[words * index..words * (index + 1)];
             self.push_cell(&mut row, rectangle, of_cell);
         }
-        out.landed_off += row.landed_off;
-        if patch.row + row.lands.end > self.recorded_rows.start
-            && patch.row + row.lands.start < self.recorded_rows.end
-        {
-            let column = patch.beamlet - self.view.lattice.beamlets.start;
-            let cell_row = CellRow { top: z[0], bottom: z[1], ..empty_cell_row(column, patch.row) };
-            if self.view.lattice.heights {
-                out.push_together(cell_row, &row.cells, &row.moments);
-            } else {
-                out.push(cell_row, &row.cells, &row.moments);
-            }
+        let column = patch.beamlet - self.view.lattice.beamlets.start;
+        let cell_row = CellRow { top: z[0], bottom: z[1], ..empty_cell_row(column, patch.row) };
+        if self.view.lattice.heights {
+            out.push_together(cell_row, &row.cells, &row.moments);
+        } else {
+            out.push(cell_row, &row.cells, &row.moments);
         }
     }
 
@@ -86,18 +88,11 @@ impl Emitter<'_> {
         let lattice = self.view.lattice;
         let LinearModel { result, depth, displacement } = &rectangle.ends;
         let x = rectangle.x;
-        // The tally has the ray of one that is not finite.
-        if x[1] <= x[0] || result.flags & FLAG_NOT_FINITE != 0 {
+        if !rectangle.is_lit() {
             return;
         }
         let displacement_z = result.landing_z(self.gap);
-        if displacement_z.abs() > lattice.halo as f32 * self.row_pitch {
-            row.landed_off += 1;
-        }
         let pixel_shift = result.pixel_shift(self.gap, self.ratio);
-        let farthest = f64::from(self.view.down(result)) * self.view.delta_ratio();
-        row.lands.start = row.lands.start.min(numbers::whole::<i64>(farthest.floor()));
-        row.lands.end = row.lands.end.max(numbers::whole::<i64>(farthest.ceil()) + 1);
         let [share_above, share_below, landing_z] = if lattice.heights {
             // Growth of the landing over the height (rows), and change of the light relative to its mean.
             let [up, low] = rectangle.ends_z;

@@ -49,10 +49,14 @@ impl<'a> Emitter<'a> {
         let cancel = tracer.cancel().clone();
         let of_lines = lines.par_iter().map(|it| {
             cancel.check()?;
-            Ok(join_empty(self.rectangles_of_lines(it)))
+            Ok(self.landing(it.row, &join_empty(self.rectangles_of_lines(it))))
         });
-        let of_even = even.par_iter().map(|it| Ok(join_empty(self.rectangles_of_rays(it))));
-        let rectangles = of_lines.chain(of_even).collect::<Result<Vec<Vec<Rectangle>>>>()?;
+        let of_even = even
+            .par_iter()
+            .map(|it| Ok(self.landing(it.row, &join_empty(self.rectangles_of_rays(it)))));
+        let rectangles = of_lines.chain(of_even).collect::<Result<Vec<_>>>()?;
+        let (rectangles, landed_off): (Vec<Vec<Rectangle>>, Vec<u64>) =
+            rectangles.into_iter().unzip();
         let moments = match self.view.recording {
             Some(recording) => recording.record(tracer, &rectangles)?,
             None => vec![Vec::new(); patches.len()],
@@ -69,7 +73,8 @@ impl<'a> Emitter<'a> {
             .into_par_iter()
             .map(|(patch, rectangles, moments)| self.cell_rows(patch, &rectangles, &moments, words))
             .collect();
-        Ok((CellBatch::concat(parts), empty))
+        let landed_off = landed_off.iter().sum();
+        Ok((CellBatch { landed_off, ..CellBatch::concat(parts) }, empty))
     }
 }
 

@@ -1,7 +1,7 @@
 //! Rectangles of a patch as cells are made of them.
 
 use super::moment_recording::LinearModel;
-use beamlet_interface::Ray;
+use beamlet_interface::{FLAG_NOT_FINITE, Ray};
 
 /// Place of a patch: its beamlet and detector row.
 #[derive(Debug, Clone, Copy)]
@@ -32,5 +32,16 @@ impl Rectangle {
     /// True if all its rays miss the sample.
     pub(super) fn is_empty(&self) -> bool {
         self.ends.result.crossings == 0
+    }
+
+    /// True if it has light that is known: the tally has rays that are not finite.
+    pub(super) fn is_lit(&self) -> bool {
+        self.x[1] > self.x[0] && self.ends.result.flags & FLAG_NOT_FINITE == 0
+    }
+
+    /// True if another one lies beside it, at the same heights.
+    pub(super) fn is_before(&self, next: &Self) -> bool {
+        self.x[1].to_bits() == next.x[0].to_bits()
+            && self.z.map(f32::to_bits) == next.z.map(f32::to_bits)
     }
 }
