@@ -142,9 +142,15 @@ impl Tracer {
     }
 
     /// The kernels that results take: a run that cannot have them does not begin.
-    pub(crate) fn wanted_kernels(&self) -> [&LazyKernel; 2] {
+    pub(crate) fn wanted_kernels(&self) -> Vec<&LazyKernel> {
         let walks = self.walks(self.backend);
-        [self.order_free(walks.order_free(true), false), &walks.exact]
+        let is_exact = matches!(self.transport, Transport::Auto | Transport::Exact);
+        let mut kernels = vec![self.order_free(walks.order_free(true), false)];
+        kernels.extend(is_exact.then_some(&walks.exact));
+        if walks.leaves_rays() {
+            kernels.push(self.order_free(walks.order_free(false), false));
+        }
+        kernels
     }
 
     fn walks(&self, backend: Backend) -> &Walks {

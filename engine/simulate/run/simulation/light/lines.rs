@@ -36,9 +36,8 @@ impl<'s> Lines<'s> {
     pub(super) fn new(designs: &'s [Simulation], cancel: &Cancel) -> Result<Self> {
         let simulation = &designs[0];
         let tracer = simulation.tracer(cancel)?;
-        let [walk, exact] = tracer.wanted_kernels();
         let of_cells = CellLight::kernels(simulation);
-        LazyKernel::make_all(&[&[exact, walk], &of_cells[..]].concat(), cancel)?;
+        LazyKernel::make_all(&[tracer.wanted_kernels(), of_cells].concat(), cancel)?;
         Ok(Self {
             designs,
             simulation,

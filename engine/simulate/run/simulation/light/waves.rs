@@ -45,8 +45,7 @@ impl<'s> Waves<'s> {
         let kernels = simulation.simulator.wave_kernels();
         let tracer = simulation.tracer(cancel)?;
         let [field, line] = kernels.all();
-        let [walk, exact] = tracer.wanted_kernels();
-        let traced = [&[exact, walk], &CellLight::kernels(simulation)[..]].concat();
+        let traced = [tracer.wanted_kernels(), CellLight::kernels(simulation)].concat();
         let traced = if simulation.sample.is_empty() { &[][..] } else { &traced[..] };
         LazyKernel::make_all(&[traced, &[field, line]].concat(), cancel)?;
         let columns = simulation.detector.optics().detector.pixels[0];
