@@ -88,6 +88,19 @@ void repeat(inout Results low, inout Results high, uint ray, int of) {
     low.slope_x[of] = high.slope_x[of] = middle.slope_x.x;
 }
 
+// Behind apertures that end along z light of a cell lands in the middle of its landings over its height, its ray beside it
+// by this much at the mean constants.
+float from_ray(uint exact) {
+    Results low, high;
+    if (exact != 0u) {
+        low = exact_results(2u * (exact - 1u));
+        high = exact_results(2u * (exact - 1u) + 1u);
+    } else {
+        first_order(uvec4(params.energies), low, high);
+    }
+    return push.cells.at[cell].displacement_z - 0.5 * (low.z.x + high.z.x);
+}
+
 // Variance of the displacement: by rough surfaces, where that of each pair of materials grows with the step, and by
 // materials that scatter.
 vec4 variances(uvec4 energies) {
@@ -123,6 +136,7 @@ void main() {
     }
     vec4 light = exp(-0.5 * (low.depth + high.depth));
     vec4 z = 0.5 * (low.z + high.z);
+    if (params.heights != 0u) z += from_ray(exact) * refraction;
     vec4 slope_x = 0.5 * (low.slope_x + high.slope_x);
     vec4 variance = push.cells.at[cell].displacement_variance * refraction * refraction + variances(energies);
     for (uint n = 0u; n < count; n++) {

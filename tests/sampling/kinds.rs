@@ -1,5 +1,6 @@
 //! Light and reported errors of scenes of all kinds.
 
+use crate::apertures;
 use crate::reference::scenes;
 use crate::reference::stack::Setup;
 use crate::reference::surfaces::{body, cuboid, cylinder, extruded, sphere};
@@ -252,6 +253,36 @@ fn light_of_a_spectrum_is_the_sum_over_its_energies() {
         println!("measured kinds, {name}: worst {worst:.1e}, rms {rms:.1e}");
         assert!(worst < most * TOLERANCE && rms < 0.15 * most * TOLERANCE, "{name}: {worst} {rms}");
         assert!(record.tally.exact > 0, "{name}");
+    }
+}
+
+/// The light of two energies that hardly differ is that of one of them. Behind apertures that end along z it has the same
+/// cells; others take light as even about each line, where one energy has it linear between lines.
+#[test]
+fn light_of_energies_side_by_side_is_that_of_one() {
+    let engine = engine(Backend::Bvh);
+    let place = tempfile::tempdir().expect("a folder");
+    let path = place.path().join("lines.csv");
+    std::fs::write(&path, "energy_keV,weight\n25,0.5\n25.0001,0.5\n").expect("a file");
+    let spectrum = SpectrumSpec::new(SpectrumOrigin::File { path }).with_nodes(2);
+    let kinds = scenes_of_all_kinds().into_iter().map(|(name, scene)| (name, scene, 1.5e-4));
+    let behind = apertures::scenes().into_iter().map(|(name, scene)| (name, scene, 1e-5));
+    for (name, mut scene, most) in kinds.chain(behind) {
+        for (number, object) in scene.objects.iter_mut().enumerate() {
+            object.material = ["PMMA", "Al"][number % 2].into();
+        }
+        for mask in scene.sample_mask.iter_mut().chain(&mut scene.detector_mask) {
+            if let MaskBody::Bars { material, .. } = &mut mask.body {
+                *material = "gold".into();
+            }
+        }
+        scene.source.beam = Beam::Energy(25.0);
+        let (one, _) = run(&engine, &scene, TOLERANCE);
+        scene.source.beam = Beam::Spectrum(spectrum.clone());
+        let (got, _) = run(&engine, &scene, TOLERANCE);
+        let [worst, _] = apart(&got, &one);
+        println!("measured kinds, energies side by side, {name}: worst {worst:.1e}");
+        assert!(worst < most, "{name}: {worst}");
     }
 }
 
