@@ -19,6 +19,9 @@ const PLACES: usize = 1 << 19;
 /// Cells that are gathered at once: exact transport at each node takes 2 KiB and more a cell.
 const MOST_CELLS: usize = 1 << 15;
 
+/// Most cells of an invocation that gathers: of larger cell rows each has a part.
+const CELLS_EACH: u32 = 512;
+
 /// Cell rows that are gathered into the same lists.
 #[derive(Debug, Default)]
 pub(in crate::illuminate) struct GatheredRows {
@@ -134,7 +137,15 @@ impl<'s> Gatherer<'s> {
         }
         self.bars.set_places(binning, &cells.cell_rows);
         let at_places = self.bars.places();
-        let mut ordered = cells.cell_rows.clone();
+        let parts = |row: CellRow| {
+            let ends = (0..row.cell_count).step_by(CELLS_EACH as usize);
+            ends.map(move |first| CellRow {
+                first_cell: row.first_cell + first,
+                cell_count: CELLS_EACH.min(row.cell_count - first),
+                ..row
+            })
+        };
+        let mut ordered: Vec<CellRow> = cells.cell_rows.iter().copied().flat_map(parts).collect();
         balance(&mut ordered);
         let mut all: Vec<(CellRow, usize, bool)> = ordered
             .iter()
