@@ -183,15 +183,14 @@ impl<'a> LineSampler<'a> {
             let results = others.and(results)?;
             let results = self.take_even(even, &results, &mut work, of);
             self.take_rays(open, results, &mut work);
-            let is_full = work.is_full() || work.bytes() > room.bytes();
-            if is_full && work.done.count() > 0 {
+            if work.done.count() > 0 && (work.is_full() || work.is_over()) {
                 let sampled = self.finish(tracer, work.take_done())?;
                 take(tracer, sampled)?;
             }
             if work.is_at_end() {
                 return Ok(());
             }
-            if work.bytes() > room.bytes() {
+            while work.is_over() {
                 // Work that is lost comes to the same.
                 if let Some(alone) = work.leave_half() {
                     return Err(room.too_small(alone));
@@ -241,7 +240,7 @@ impl<'a> LineSampler<'a> {
                 self.even.begin(beamlet, row, &self.openings[self.view.lattice.column(beamlet)])
             }));
             self.begin_lines(cancel, work)?;
-            if work.ready.is_empty() {
+            if work.ready.is_empty() || work.is_over() {
                 return Ok(());
             }
             self.light_lines(cancel, work)?;

@@ -79,8 +79,8 @@ pub(super) struct Work {
     pub done: Patches,
     /// Most patches in memory, by weight.
     most: usize,
-    /// Bytes of lines and rays above which no others begin.
-    enough: u64,
+    /// Bytes that lines and rays may have.
+    room: u64,
 }
 
 impl Work {
@@ -89,15 +89,14 @@ impl Work {
         places.iter_mut().for_each(|it| it.reverse());
         let (begun, done) = (Patches::default(), Patches::default());
         let (open, ready) = (Vec::new(), Vec::new());
-        let (most, enough) = (PATCHES_AT_ONCE, ENOUGH.min(room / 2));
-        Self { waiting: places, begun, open, ready, done, most, enough }
+        Self { waiting: places, begun, open, ready, done, most: PATCHES_AT_ONCE, room }
     }
 
     /// Places of the patches to begin now, of few and of many bodies.
     pub(super) fn next(&mut self) -> [Vec<(i64, i64)>; 2] {
         let free = self.most.saturating_sub(self.begun.weight() + self.done.weight());
         let free = free.min(BEGUN_TOGETHER);
-        if 4 * free < self.most.min(BEGUN_TOGETHER) || self.bytes() > self.enough {
+        if 4 * free < self.most.min(BEGUN_TOGETHER) || self.bytes() > self.enough() {
             return Default::default();
         }
         let mut take = |kind: usize, most: usize| {
@@ -139,11 +138,21 @@ impl Work {
     pub(super) fn is_full(&self) -> bool {
         self.is_at_end()
             || 2 * self.done.weight() >= self.most
-            || 4 * self.done.bytes() >= self.enough
+            || 4 * self.done.bytes() >= self.enough()
+    }
+
+    /// Bytes of lines and rays above which no others begin.
+    fn enough(&self) -> u64 {
+        ENOUGH.min(self.room / 2)
+    }
+
+    /// True if lines and rays have more bytes than there is room for.
+    pub(super) fn is_over(&self) -> bool {
+        self.bytes() > self.room
     }
 
     /// Bytes of lines and rays in memory.
-    pub(super) fn bytes(&self) -> u64 {
+    fn bytes(&self) -> u64 {
         let lines = self.open.iter().chain(&self.ready);
         let pieces: usize = lines.map(|line| size_of_val(&line.pieces[..])).sum();
         self.begun.bytes() + self.done.bytes() + pieces as u64
