@@ -65,15 +65,15 @@ impl LazyKernel {
         Ok(self.made.get_or_init(|| made))
     }
 
-    /// Makes the missing ones of these kernels side by side, since drivers take seconds for large ones; on a CPU two at once,
-    /// since its driver takes tens of MiB for each while it makes it.
+    /// Makes the missing ones of these kernels. On a GPU side by side, since drivers take seconds for large
+    /// ones; on a CPU one by one, since its driver takes tens of MiB for each while it makes it.
     ///
     /// # Errors
     /// As [`Device::kernel`]; [`Error::Interrupted`] if `cancel` was set before one began: a single call
     /// of a driver is not interrupted.
     pub fn make_all(kernels: &[&Self], cancel: &Cancel) -> Result<()> {
         let is_cpu = |it: &&Self| it.device.description().kind == DeviceKind::Cpu;
-        let at_once = if kernels.iter().any(is_cpu) { 2 } else { AT_ONCE };
+        let at_once = if kernels.iter().any(is_cpu) { 1 } else { AT_ONCE };
         for some in kernels.chunks(at_once) {
             cancel.check()?;
             let (first, others) = some.split_at(1);
