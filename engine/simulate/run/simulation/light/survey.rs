@@ -4,7 +4,7 @@
 use super::Pose;
 use super::blank::STEPS;
 use super::lines::Lines;
-use crate::lines::{PATCHES_AT_ONCE, cells_at_once};
+use crate::lines::cells_at_once;
 use crate::run::RunEstimate;
 use crate::sampling::{self, CellBatch, Responses, RowsCost};
 use crate::trace::Tracer;
@@ -35,7 +35,7 @@ const AUDITED_PATCHES: f64 = 8.0;
 
 /// Look at a view.
 struct Look {
-    /// Seconds for a view whatever the number of its patches: finding the shadows, and rounds of rays.
+    /// Seconds for finding the shadows of a view.
     once: f64,
     /// Cost of all rows that a shadow reaches.
     cost: RowsCost,
@@ -140,31 +140,20 @@ impl Lines<'_> {
                 continue;
             }
             let start = (f64::from(number) * GOLDEN).fract();
-            let (mut cost, mut once) = (RowsCost::default(), 0.0);
+            let mut cost = RowsCost::default();
             for part in parts.iter().filter(|part| !part.is_empty()) {
                 let first = part.start + block_of(part) * ROWS;
                 let rows = first..(first + ROWS).min(part.end);
                 let share = (part.end - part.start) as f64 / (rows.end - rows.start) as f64;
-                // Rounds of lines and rays take their time whatever the number of patches, which a run samples
-                // many at a time.
-                let few = Choice { most: 0.25 * patches, start, steps_left_out };
-                let few = self.look(&pose, rows.clone(), few)?;
                 let choice = Choice { most: patches, start, steps_left_out };
-                let mut of_rows = self.look(&pose, rows, choice)?;
-                if of_rows.sampled > few.sampled {
-                    let more = of_rows.sampled - few.sampled;
-                    let each = (of_rows.spent - few.spent).max(0.0) / more;
-                    let fixed = (few.spent - each * few.sampled).max(0.0);
-                    of_rows.seconds *= 1.0 - (fixed / of_rows.spent).min(1.0);
-                    once += fixed * (share * of_rows.patches / PATCHES_AT_ONCE as f64).ceil();
-                }
+                let of_rows = self.look(&pose, rows, choice)?;
                 cost = cost.and(&of_rows.times(share));
             }
             if cost.sampled > 0.0 {
                 let each = (cost.spent / cost.sampled).max(1e-9);
                 patches = (SECONDS_OF_A_LOOK / each).clamp(PATCHES[0], PATCHES[1]);
             }
-            looks.push(Look { once: shadow_seconds + once, cost });
+            looks.push(Look { once: shadow_seconds, cost });
         }
         Ok(looks)
     }
