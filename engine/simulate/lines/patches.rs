@@ -47,8 +47,8 @@ pub(crate) struct LinePatch {
     pub(super) is_cut: bool,
     /// Lines that it waits for.
     awaited: Vec<AwaitedLine>,
-    /// Bytes of its lines.
-    pub(super) bytes: u64,
+    /// Bytes of the lines that it has.
+    bytes: u64,
 }
 
 impl LinePatch {
@@ -70,6 +70,12 @@ impl LinePatch {
             self.is_cut |= self.signature.is_some_and(|it| Some(it) != first);
             self.signature = self.signature.or(first);
         }
+    }
+
+    /// Bytes of its lines, and of those lit that it waits for with others.
+    pub(super) fn bytes(&self) -> u64 {
+        let lit = self.awaited.iter().filter_map(|it| it.get());
+        self.bytes + lit.map(|line| line.bytes()).sum::<u64>()
     }
 
     /// True if it wants no other line.
@@ -178,9 +184,13 @@ impl<'a> LineSampler<'a> {
         loop {
             let rays = self.rays(&work);
             let (even, open) = (work.begun.even.len(), work.open.len());
-            let go_on = || self.go_on(&cancel, &mut work, of);
-            let (results, others) = rayon::join(|| tracer.trace(&rays), go_on);
-            let results = others.and(results)?;
+            // The device is waited for on this thread, and not on one that others share.
+            let mut others = Ok(());
+            let results = rayon::in_place_scope(|scope| {
+                scope.spawn(|_| others = self.go_on(&cancel, &mut work, of));
+                tracer.trace(&rays)
+            });
+            let results = results.and_then(|it| others.map(|()| it))?;
             let results = self.take_even(even, &results, &mut work, of);
             self.take_rays(open, results, &mut work);
             if work.done.count() > 0 && (work.is_full() || work.is_over()) {

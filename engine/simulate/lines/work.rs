@@ -7,7 +7,7 @@ use super::line::{LinePlace, Piece, Source};
 use super::patches::LinePatch;
 use std::sync::{Arc, OnceLock};
 
-/// Most patches that are in memory together.
+/// Most patches that are in memory together, by weight.
 pub(crate) const PATCHES_AT_ONCE: usize = 1 << 12;
 /// Most patches that begin together: lines at borders of these are made once.
 const BEGUN_TOGETHER: usize = 1 << 10;
@@ -61,7 +61,7 @@ impl Patches {
     }
 
     fn bytes(&self) -> u64 {
-        let of_lines: u64 = self.lines.iter().map(|it| it.bytes).sum();
+        let of_lines: u64 = self.lines.iter().map(LinePatch::bytes).sum();
         of_lines + self.even.iter().map(EvenPatch::bytes).sum::<u64>()
     }
 }
@@ -108,7 +108,7 @@ impl Work {
         let few = take(0, free);
         let left = free - few.len();
         // A limit may leave room for less than one.
-        let alone = usize::from(few.is_empty());
+        let alone = usize::from(few.is_empty() && self.begun.count() == 0);
         let many = take(1, (left / OF_CROWDED).max(alone));
         [few, many]
     }

@@ -36,7 +36,7 @@ impl<'a> Emitter<'a> {
     }
 
     /// The cells of patches, one for each piece of a line or ray, and the places (column, row) of patches that miss the
-    /// sample.
+    /// sample, or whose light misses the recorded rows.
     pub(super) fn cells(
         &self,
         tracer: &mut Tracer,
