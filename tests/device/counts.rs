@@ -118,9 +118,13 @@ material = "water"
 fn work(views: usize, band_rows: u32) -> (RunProfile, u64) {
     let mut scene = Scene::from_toml(ROD_AND_BOX, ".").expect("a scene");
     scene.scan.angles = vec![0.2; views];
-    let options = EngineOptions::default().with_backend(Backend::Bvh).with_band_rows(band_rows);
-    let engine = engine_with(options.with_staging(true).with_profile(true));
-    let simulation = engine.prepare(&scene).expect("a simulation");
+    work_of(&scene, EngineOptions::default().with_band_rows(band_rows))
+}
+
+/// Work of a staged run of a scene, and the memory that was estimated for it.
+fn work_of(scene: &Scene, options: EngineOptions) -> (RunProfile, u64) {
+    let options = options.with_backend(Backend::Bvh).with_staging(true).with_profile(true);
+    let simulation = engine_with(options).prepare(scene).expect("a simulation");
     let record = simulation.run(&mut ArraySink::new(), Control::default()).expect("a run");
     (record.profile.expect("a profile"), simulation.memory().device_bytes)
 }
@@ -155,11 +159,7 @@ fn later_views_make_no_buffer_and_bands_divide_the_work_of_a_view() {
 #[test]
 fn patches_share_the_submissions_of_their_rays() {
     let scene = Scene::from_toml(BALL, ".").expect("a scene");
-    let options = EngineOptions::default().with_backend(Backend::Bvh);
-    let engine = engine_with(options.with_staging(true).with_profile(true));
-    let simulation = engine.prepare(&scene).expect("a simulation");
-    let record = simulation.run(&mut ArraySink::new(), Control::default()).expect("a run");
-    let all = record.profile.expect("a profile").all.traffic;
+    let all = work_of(&scene, EngineOptions::default()).0.all.traffic;
     // 75 when this was written, and 134 where each 1,024 patches had rounds of their own.
     assert!(all.submissions <= 90, "{all:?}");
     assert_eq!(all.waits, all.submissions, "{all:?}");

@@ -90,7 +90,7 @@ impl LinePatch {
         self.awaited.clear();
         self.look_for_silhouettes(&lines);
         self.bytes += lines.iter().map(|line| line.bytes()).sum::<u64>();
-        let pieces = lines.iter().map(|line| line.pieces.len()).sum::<usize>() / lines.len().max(1);
+        let pieces = lines.iter().map(|line| line.pieces.len()).sum::<usize>() / lines.len();
         self.heights.limit(most / pieces.max(1));
         if self.is_cut {
             self.heights.judge_light_alone();
@@ -164,7 +164,7 @@ impl<'a> LineSampler<'a> {
         }
     }
 
-    /// Chooses the lines or rays that the light of patches needs, and hands the patches over, in parts.
+    /// Chooses the lines or rays that the light of patches needs, and passes the patches to `take` in parts.
     ///
     /// # Errors
     /// As [`Tracer::trace`]; [`beamlet_core::Error::Memory`] where a patch exceeds `room`; errors of `take`.
@@ -241,14 +241,21 @@ impl<'a> LineSampler<'a> {
         }
     }
 
-    /// Takes patches on until each waits for rays or is done; begins others where there is room for them.
+    /// Openings of a beamlet.
+    fn openings_of(&self, beamlet: i64) -> &ColumnOpenings {
+        &self.openings[self.view.lattice.column(beamlet)]
+    }
+
+    /// Works on patches until each of them waits for rays or is done, and begins new ones while memory allows it.
     fn go_on(&self, cancel: &Cancel, work: &mut Work, of: &PatchPlaces) -> Result<()> {
         loop {
             let [few, crowded] = work.next();
             work.begun.lines.extend(few.into_iter().filter_map(|at| self.patch_of_lines(at, of)));
-            work.begun.even.extend(crowded.into_iter().map(|(beamlet, row)| {
-                self.even.begin(beamlet, row, &self.openings[self.view.lattice.column(beamlet)])
-            }));
+            work.begun.even.extend(
+                crowded
+                    .into_iter()
+                    .map(|(beamlet, row)| self.even.begin(beamlet, row, self.openings_of(beamlet))),
+            );
             self.begin_lines(cancel, work)?;
             if work.ready.is_empty() || work.is_over() {
                 return Ok(());
@@ -271,7 +278,7 @@ impl<'a> LineSampler<'a> {
             let line = |place: &LinePlace| Some(light[place.index(&places)?].clone());
             patch.awaited = wanted.iter().filter_map(line).collect();
         });
-        let openings = |beamlet: i64| &self.openings[self.view.lattice.column(beamlet)].widest[..];
+        let openings = |beamlet: i64| &self.openings_of(beamlet).widest[..];
         let of_run = |run: &[LinePlace]| {
             cancel.check()?;
             let beamlets = run[0].beamlet..run[run.len() - 1].beamlet + 1;
@@ -296,7 +303,7 @@ impl<'a> LineSampler<'a> {
         ready.try_for_each(|OpenLine { place, pieces, light }| {
             cancel.check()?;
             let column = self.view.lattice.column(place.beamlet);
-            let openings = &self.openings[column];
+            let openings = self.openings_of(place.beamlet);
             let lit = self.illumination.illuminate(column, place.row, openings, pieces);
             // Each line is lit once.
             let _ = light.set(Arc::new(lit));
@@ -339,7 +346,7 @@ impl<'a> LineSampler<'a> {
         };
         let patches: Vec<_> = work.begun.even.drain(..count).map(with_results).collect();
         let judged = patches.into_par_iter().map(|(results, mut patch)| {
-            let openings = &self.openings[self.view.lattice.column(patch.beamlet)];
+            let openings = self.openings_of(patch.beamlet);
             let bodies = of.at(patch.beamlet, patch.row).map(|it| it.bodies).unwrap_or_default();
             let next = self.even.take(&mut patch, results, openings, &bodies);
             (patch, next)

@@ -1,5 +1,5 @@
-//! Patches in work: each waits for its own lines or rays, so that a batch of rays has those of all of them, and patches
-//! that are done make room for others.
+//! Patches whose lines or rays are being chosen. Each waits for its own lines or rays; a batch of rays holds those of all
+//! patches. A patch that is done makes room for a new one.
 
 use super::even::EvenPatch;
 use super::light::LitLine;
@@ -113,7 +113,7 @@ impl Work {
         [few, many]
     }
 
-    /// Adds lines to those that want rays or to those that want none.
+    /// Adds lines: to `open` if they want rays, else to `ready`.
     pub(super) fn add(&mut self, lines: impl Iterator<Item = OpenLine>) {
         for line in lines {
             let wants = line.wanted().next().is_some();
@@ -121,7 +121,7 @@ impl Work {
         }
     }
 
-    /// Moves patches that want no other line to those that are done.
+    /// Moves the patches that want no more lines to `done`.
     pub(super) fn settle(&mut self) {
         let begun = std::mem::take(&mut self.begun.lines);
         let (done, begun): (Vec<_>, Vec<_>) = begun.into_iter().partition(LinePatch::is_done);
@@ -129,12 +129,12 @@ impl Work {
         self.done.lines.extend(done);
     }
 
-    /// True if none is left but those that are done.
+    /// True if all patches are done.
     pub(super) fn is_at_end(&self) -> bool {
         self.begun.count() == 0 && self.waiting.iter().all(Vec::is_empty)
     }
 
-    /// True if those that are done are enough to be handed over, or the last ones.
+    /// True if enough patches are done to hand them over, or all.
     pub(super) fn is_full(&self) -> bool {
         self.is_at_end()
             || 2 * self.done.weight() >= self.most
@@ -158,7 +158,7 @@ impl Work {
         self.begun.bytes() + self.done.bytes() + pieces as u64
     }
 
-    /// Those that are done; as many more as before may be in memory.
+    /// Takes the patches that are done, and doubles the number that may be in memory.
     pub(super) fn take_done(&mut self) -> Patches {
         self.most = (2 * self.most).min(PATCHES_AT_ONCE);
         std::mem::take(&mut self.done)

@@ -36,12 +36,16 @@ impl Emitter<'_> {
         out
     }
 
-    /// Rectangles without the rows whose light misses all recorded rows, and the number of those whose light lands too far
-    /// off to follow.
-    pub(super) fn landing(&self, row: i64, rectangles: &[Rectangle]) -> (Vec<Rectangle>, u64) {
+    /// Rectangles of a patch, without the rows whose light misses all recorded rows, and the number of those whose light
+    /// lands too far off to follow.
+    pub(super) fn landing(&self, row: i64, rectangles: Vec<Rectangle>) -> (Vec<Rectangle>, u64) {
         let farthest = self.view.lattice.halo as f32 * self.row_pitch;
         let is_off =
             |it: &&Rectangle| it.is_lit() && it.ends.result.landing_z(self.gap).abs() > farthest;
+        let off = rectangles.iter().filter(is_off).count() as u64;
+        if self.recorded_rows.contains(&row) {
+            return (rectangles, off);
+        }
         let lands = |it: &Rectangle| {
             let down = f64::from(self.view.down(&it.ends.result)) * self.view.delta_ratio();
             let [first, last] =
@@ -49,10 +53,8 @@ impl Emitter<'_> {
             row + first < self.recorded_rows.end && row + last + 1 > self.recorded_rows.start
         };
         let rows = rectangles.chunk_by(Rectangle::is_before);
-        let is_recorded = self.recorded_rows.contains(&row);
-        let kept = rows.filter(|row| is_recorded || row.iter().any(|it| it.is_lit() && lands(it)));
-        let off = rectangles.iter().filter(is_off).count();
-        (kept.flatten().copied().collect(), off as u64)
+        let kept = rows.filter(|row| row.iter().any(|it| it.is_lit() && lands(it)));
+        (kept.flatten().copied().collect(), off)
     }
 
     /// A row of cells, of rectangles at the same heights.

@@ -49,11 +49,11 @@ impl<'a> Emitter<'a> {
         let cancel = tracer.cancel().clone();
         let of_lines = lines.par_iter().map(|it| {
             cancel.check()?;
-            Ok(self.landing(it.row, &join_empty(self.rectangles_of_lines(it))))
+            Ok(self.landing(it.row, join_empty(self.rectangles_of_lines(it))))
         });
         let of_even = even
             .par_iter()
-            .map(|it| Ok(self.landing(it.row, &join_empty(self.rectangles_of_rays(it)))));
+            .map(|it| Ok(self.landing(it.row, join_empty(self.rectangles_of_rays(it)))));
         let rectangles = of_lines.chain(of_even).collect::<Result<Vec<_>>>()?;
         let (rectangles, landed_off): (Vec<Vec<Rectangle>>, Vec<u64>) =
             rectangles.into_iter().unzip();
@@ -86,12 +86,7 @@ fn join_empty(rectangles: Vec<Rectangle>) -> Vec<Rectangle> {
     let mut joined: Vec<Rectangle> = Vec::with_capacity(rectangles.len());
     for rectangle in rectangles {
         match joined.last_mut() {
-            Some(last)
-                if rectangle.is_empty()
-                    && last.is_empty()
-                    && last.x[1].to_bits() == rectangle.x[0].to_bits()
-                    && last.z.map(f32::to_bits) == rectangle.z.map(f32::to_bits) =>
-            {
+            Some(last) if rectangle.is_empty() && last.is_empty() && last.is_before(&rectangle) => {
                 last.x[1] = rectangle.x[1];
             }
             _ => joined.push(rectangle),

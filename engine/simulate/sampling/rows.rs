@@ -5,13 +5,15 @@ use super::emission::Emitter;
 use super::lattice::Lattice;
 use super::room::Room;
 use super::view_context::ViewContext;
-use crate::lines::{LineSampler, PATCHES_AT_ONCE, PatchPlaces, Sampled};
+use crate::lines::{LineSampler, PatchPlaces, Sampled};
 use crate::trace::Tracer;
 use beamlet_core::{Result, numbers};
 use std::ops::Range;
 
 /// Rows of patches that are chosen side by side: lines at their borders serve both.
 const ROWS_TOGETHER: i64 = 4;
+/// Cell rows without a sample that are handed over together.
+const BLANK_AT_ONCE: usize = 1 << 12;
 
 /// Takes cell rows as they are ready; may trace with the tracer that it is lent.
 pub(crate) type Take<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<()>;
@@ -73,7 +75,7 @@ fn take_blank(
     let Lattice { direct, beamlets, .. } = view.lattice;
     blank.retain(|(column, row)| lit.contains(row) && direct.contains(&(column + beamlets.start)));
     let cell_rows = blank_cell_rows(view.lattice, blank);
-    let mut parts = cell_rows.chunks(PATCHES_AT_ONCE);
+    let mut parts = cell_rows.chunks(BLANK_AT_ONCE);
     parts.try_for_each(|part| take(tracer, &blank_cells(view.lattice, part)))
 }
 

@@ -21,7 +21,7 @@ use beamlet_interface::{
     TALLY_UNBALANCED, TALLY_UNORDERED,
 };
 use beamlet_model::scene::Transport;
-use exact::LISTED;
+use exact::{ExactRays, LISTED};
 pub use kernels::TraceKernels;
 use kernels::{OrderFree, Walks};
 use std::sync::Arc;
@@ -144,9 +144,8 @@ impl Tracer {
     /// The kernels that results take: a run that cannot have them does not begin.
     pub(crate) fn wanted_kernels(&self) -> Vec<&LazyKernel> {
         let walks = self.walks(self.backend);
-        let is_exact = matches!(self.transport, Transport::Auto | Transport::Exact);
         let mut kernels = vec![self.order_free(walks.order_free(true), false)];
-        kernels.extend(is_exact.then_some(&walks.exact));
+        kernels.extend(self.exact_rays(ExactRays::All(0)).map(|_| &walks.exact));
         if walks.leaves_rays() {
             kernels.push(self.order_free(walks.order_free(false), false));
         }

@@ -52,7 +52,7 @@ pub(crate) struct Gathering<'c> {
     rays: Vec<RayResult>,
     repeated: Vec<u32>,
     bars: Vec<f32>,
-    /// Cell rows whose light is gathered by groups, and those that go energy by energy.
+    /// Cell rows gathered by groups of energies, and cell rows gathered at each energy.
     pub(in crate::illuminate) rows: [GatheredRows; 2],
     /// Places of gathered cells.
     pub(in crate::illuminate) places: usize,
