@@ -16,7 +16,7 @@ use super::line::{NARROWEST, PER_JUMP};
 use crate::sampling::{ColumnOpenings, Landed, Opening, Response, ViewContext};
 use beamlet_core::numbers::{self, single};
 use beamlet_core::random::GOLDEN;
-use beamlet_interface::{Ray, RayResult};
+use beamlet_interface::{BUNDLE_LANES, RAYS_PER_LANE, Ray, RayResult};
 use changes::Changes;
 pub(super) use columns::seen;
 use columns::{columns, part};
@@ -44,6 +44,8 @@ const FEW: f64 = 256.0;
 /// Fewest lines of a patch. If no patch had more, light of a foam over borders of rows would err by 3.8e-3
 /// (`light_of_foams_is_that_of_random_rays`).
 const FEWEST_LINES: u32 = 4;
+/// Rays that walk together where a device walks them in bundles.
+const BUNDLE: u32 = BUNDLE_LANES * RAYS_PER_LANE;
 
 /// A patch whose rays are spread evenly.
 #[derive(Debug)]
@@ -53,6 +55,7 @@ pub(crate) struct EvenPatch {
     /// Borders of its cells along x, m from the middle of the beamlet.
     borders: Vec<f32>,
     lines: u32,
+    bodies: Bodies,
     /// Number of its trials so far; 0 where the number of rays is settled.
     trial: u32,
     /// Results of its rays, ordered by line, then x.
@@ -84,9 +87,44 @@ impl EvenPatch {
         (0..).zip(&self.results).map(place)
     }
 
-    /// Places of its rays.
+    /// Places of its rays, in the order in which they are traced.
     pub(super) fn rays(&self) -> impl Iterator<Item = [f32; 2]> {
-        (0..self.count()).map(|index| self.place(index).2)
+        self.traced().map(|index| self.place(index).2)
+    }
+
+    /// Indices of its rays in the order in which they are traced: by bands of lines, and column by column in a band.
+    fn traced(&self) -> impl Iterator<Item = u32> {
+        let (columns, band) = (self.columns(), self.band());
+        let of_band = move |first: u32| {
+            let of_column =
+                move |column: u32| (first..first + band).map(move |line| line * columns + column);
+            (0..columns).flat_map(of_column)
+        };
+        (0..self.lines).step_by(band as usize).flat_map(of_band)
+    }
+
+    /// Lines whose rays are traced together, a power of two. A bundle of rays meets the fewest bodies where it is as much
+    /// wider than high as they are.
+    fn band(&self) -> u32 {
+        let across = f64::from(self.borders[self.borders.len() - 1] - self.borders[0]);
+        let column = across / f64::from(self.columns());
+        let slimness = self.bodies.lowest / self.bodies.narrowest;
+        let band = (f64::from(BUNDLE * self.lines) * column * slimness).sqrt();
+        1 << numbers::whole::<u32>(band.max(1.0).min(self.lines.into())).ilog2()
+    }
+
+    /// Takes the results of its rays, in the order in which they are traced.
+    fn add(&mut self, results: &[RayResult]) {
+        self.rays += numbers::count(results.len());
+        let mut ordered = results.to_vec();
+        for (index, result) in self.traced().zip(results) {
+            ordered[index as usize] = *result;
+        }
+        self.results = ordered;
+    }
+
+    const fn columns(&self) -> u32 {
+        numbers::count(self.borders.len()) - 1
     }
 
     /// Bytes of its rays and results.
@@ -96,12 +134,12 @@ impl EvenPatch {
 
     /// Number of its rays.
     pub(super) fn count(&self) -> u32 {
-        self.lines * (numbers::count(self.borders.len()) - 1)
+        self.lines * self.columns()
     }
 
     /// Cell of a ray, and its place.
     fn place(&self, index: u32) -> ([f32; 2], [f32; 2], [f32; 2]) {
-        let columns = numbers::count(self.borders.len()) - 1;
+        let columns = self.columns();
         let (line, column) = (index / columns, (index % columns) as usize);
         let x = [self.borders[column], self.borders[column + 1]];
         let z = part([0.0, 1.0], line, self.lines);
@@ -121,11 +159,13 @@ pub(super) struct Bodies {
     pub count: u32,
     /// Width of the narrowest, m.
     pub narrowest: f64,
+    /// Height of the lowest, rows.
+    pub lowest: f64,
 }
 
 impl Default for Bodies {
     fn default() -> Self {
-        Self { count: 0, narrowest: f64::INFINITY }
+        Self { count: 0, narrowest: f64::INFINITY, lowest: f64::INFINITY }
     }
 }
 
@@ -184,8 +224,14 @@ impl<'a> EvenSampler<'a> {
     }
 
     /// A patch of the first trial.
-    pub(super) fn begin(&self, beamlet: i64, row: i64, openings: &ColumnOpenings) -> EvenPatch {
-        self.patch([beamlet, row], &openings.widest, FIRST, 1)
+    pub(super) fn begin(
+        &self,
+        beamlet: i64,
+        row: i64,
+        openings: &ColumnOpenings,
+        bodies: Bodies,
+    ) -> EvenPatch {
+        EvenPatch { bodies, ..self.patch([beamlet, row], &openings.widest, FIRST, 1) }
     }
 
     /// A patch of about this number of rays.
@@ -203,8 +249,8 @@ impl<'a> EvenSampler<'a> {
         let half = 0.5 * single(self.view.lattice.period);
         let leak = self.view.responses.lit(0.0);
         let borders = columns(openings, half, leak, count.div_ceil(lines).max(1));
-        let results = Vec::new();
-        EvenPatch { beamlet, row, borders, lines, trial, results, rays: 0, error: 0.0 }
+        let (bodies, results) = (Bodies::default(), Vec::new());
+        EvenPatch { beamlet, row, borders, lines, bodies, trial, results, rays: 0, error: 0.0 }
     }
 
     /// Takes the results of the rays of a patch; another patch of other rays where they do not suffice.
@@ -213,11 +259,9 @@ impl<'a> EvenSampler<'a> {
         patch: &mut EvenPatch,
         results: &[RayResult],
         openings: &ColumnOpenings,
-        bodies: &Bodies,
     ) -> Next {
-        patch.results = results.to_vec();
-        patch.rays += numbers::count(results.len());
-        let next = self.next(patch, openings, bodies);
+        patch.add(results);
+        let next = self.next(patch, openings);
         let Next::Rays { count, is_settled } = next else { return next };
         let left = self.view.budget.max_rays.saturating_sub(patch.rays);
         let most = self.view.lattice.period / NARROWEST;
@@ -234,13 +278,14 @@ impl<'a> EvenSampler<'a> {
         if is_no_gain || new.count() > left {
             return Next::Done;
         }
-        *patch = EvenPatch { rays: patch.rays, error: patch.error, ..new };
+        let EvenPatch { bodies, rays, error, .. } = *patch;
+        *patch = EvenPatch { bodies, rays, error, ..new };
         next
     }
 
-    fn next(&self, patch: &mut EvenPatch, openings: &ColumnOpenings, bodies: &Bodies) -> Next {
+    fn next(&self, patch: &mut EvenPatch, openings: &ColumnOpenings) -> Next {
         let samples = self.samples(patch);
-        let is_few = bodies.count <= MOST_OF_LINES;
+        let is_few = patch.bodies.count <= MOST_OF_LINES;
         if patch.trial == 1 && is_few && !self.is_unresolved(&samples) {
             return Next::Lines;
         }
@@ -252,7 +297,7 @@ impl<'a> EvenSampler<'a> {
         let hides = seen.iter().any(|it| {
             let apart = f64::from(it.width() / patch.lines as f32);
             let worth = PER_JUMP * f64::from(it.area * it.passed);
-            apart > bodies.narrowest && worth > ACCEPTED * budget
+            apart > patch.bodies.narrowest && worth > ACCEPTED * budget
         });
         if patch.trial == 0 && patch.error <= ACCEPTED * budget && !hides {
             return Next::Done;

@@ -36,6 +36,7 @@ impl PatchPlaces {
                     let patch = touched[at].get_or_insert_default();
                     patch.bodies.count += 1;
                     patch.bodies.narrowest = patch.bodies.narrowest.min(shadow.width);
+                    patch.bodies.lowest = patch.bodies.lowest.min(shadow.height);
                     patch.features.add(shadow, row);
                 }
             }

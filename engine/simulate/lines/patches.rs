@@ -251,11 +251,10 @@ impl<'a> LineSampler<'a> {
         loop {
             let [few, crowded] = work.next();
             work.begun.lines.extend(few.into_iter().filter_map(|at| self.patch_of_lines(at, of)));
-            work.begun.even.extend(
-                crowded
-                    .into_iter()
-                    .map(|(beamlet, row)| self.even.begin(beamlet, row, self.openings_of(beamlet))),
-            );
+            work.begun.even.extend(crowded.into_iter().filter_map(|(beamlet, row)| {
+                let bodies = of.at(beamlet, row)?.bodies;
+                Some(self.even.begin(beamlet, row, self.openings_of(beamlet), bodies))
+            }));
             self.begin_lines(cancel, work)?;
             if work.ready.is_empty() || work.is_over() {
                 return Ok(());
@@ -347,8 +346,7 @@ impl<'a> LineSampler<'a> {
         let patches: Vec<_> = work.begun.even.drain(..count).map(with_results).collect();
         let judged = patches.into_par_iter().map(|(results, mut patch)| {
             let openings = self.openings_of(patch.beamlet);
-            let bodies = of.at(patch.beamlet, patch.row).map(|it| it.bodies).unwrap_or_default();
-            let next = self.even.take(&mut patch, results, openings, &bodies);
+            let next = self.even.take(&mut patch, results, openings);
             (patch, next)
         });
         for (patch, next) in judged.collect::<Vec<_>>() {
