@@ -80,11 +80,17 @@ pub(crate) struct EvenCell {
 impl EvenPatch {
     /// Cells, by height, then x.
     pub(crate) fn cells(&self) -> impl Iterator<Item = EvenCell> {
-        let place = |(index, result): (u32, &RayResult)| {
-            let (x, z, ray) = self.place(index);
-            EvenCell { x, z, ray, result: *result }
-        };
-        (0..).zip(&self.results).map(place)
+        (0..self.count()).map(|index| self.cell(index))
+    }
+
+    /// Cells in the order in which their rays are traced.
+    pub(super) fn cells_as_traced(&self) -> impl Iterator<Item = EvenCell> {
+        self.traced().map(|index| self.cell(index))
+    }
+
+    fn cell(&self, index: u32) -> EvenCell {
+        let (x, z, ray) = self.place(index);
+        EvenCell { x, z, ray, result: self.results[index as usize] }
     }
 
     /// Places of its rays, in the order in which they are traced.

@@ -12,6 +12,9 @@ use beamlet_core::{Result, numbers};
 use std::ops::Range;
 use std::time::Instant;
 
+/// Patches of many bodies that are sampled for each of few: they take far longer.
+const CROWDED: f64 = 0.25;
+
 /// Takes cells as [`super::rows::Take`] does, and returns the seconds that a run takes for them
 /// beyond those that it took itself.
 pub(crate) type TakePart<'a> = &'a mut dyn FnMut(&mut Tracer, &CellBatch) -> Result<f64>;
@@ -55,8 +58,8 @@ impl RowsCost {
     }
 }
 
-/// Samples at most `most` patches of some rows of each kind (few bodies, many bodies), evenly spread from the share
-/// `start` of their distance on, and hands their cells to `take`.
+/// Samples at most `most` patches of few bodies of some rows and fewer of many bodies, evenly spread from the share `start`
+/// of their distance on, and hands their cells to `take`.
 ///
 /// # Errors
 /// As [`Tracer::trace`]; errors of `take`.
@@ -72,7 +75,8 @@ pub(crate) fn survey_rows(
     let kinds: (Vec<_>, Vec<_>) =
         touched(view, rows, &places).partition(|(beamlet, row)| !places.is_crowded(*beamlet, *row));
     let mut cost = RowsCost::default();
-    for patches in [kinds.0, kinds.1].into_iter().filter(|it| !it.is_empty()) {
+    let kinds = [(kinds.0, most), (kinds.1, CROWDED * most)];
+    for (patches, most) in kinds.into_iter().filter(|(patches, _)| !patches.is_empty()) {
         let begin = Instant::now();
         let before = tracer.rays_traced();
         let chosen = spread(&patches, most, start);

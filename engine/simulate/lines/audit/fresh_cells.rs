@@ -29,7 +29,7 @@ impl Auditor<'_> {
             let [x, z] = draws.pair();
             EvenCell { ray: [within(cell.x, x), within(cell.z, z)], ..cell }
         };
-        patch.cells().map(cell).collect()
+        patch.cells_as_traced().map(cell).collect()
     }
 
     /// Traces the rays of cells.
@@ -55,7 +55,7 @@ impl Auditor<'_> {
             let [width, height] = [cell.x, cell.z].map(|[low, high]| f64::from(high - low));
             self.part(&piece, z, sign * height * width / NARROWEST)
         };
-        let own = patch.cells().zip(cells);
+        let own = patch.cells_as_traced().zip(cells);
         let own = own.map(|(own, cell)| part(cell, self.narrowed(own.result), 1.0));
         let fresh = cells.iter().map(|cell| part(cell, cell.result, -1.0));
         let mut sums = self.no_light();

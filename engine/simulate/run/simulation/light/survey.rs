@@ -11,7 +11,7 @@ use crate::trace::Tracer;
 use beamlet_core::random::GOLDEN;
 use beamlet_core::{Result, numbers};
 use beamlet_files::AuditedError;
-use std::collections::HashSet;
+use std::collections::HashMap;
 use std::ops::Range;
 use std::time::Instant;
 
@@ -21,17 +21,19 @@ const ROWS: i64 = 4;
 const MOST_LOOKS: u32 = 24;
 /// Least number of looks, whatever the time.
 const LEAST_LOOKS: u32 = 10;
-/// Seconds after which no further look is taken.
+/// Seconds after which no further look is taken, and no further block is audited.
 const SECONDS: f64 = 1.0;
 /// Patches that the first look samples.
 const FIRST_PATCHES: f64 = 64.0;
 /// Fewest and most patches of a look.
 const PATCHES: [f64; 2] = [64.0, 256.0];
-/// Seconds for them.
+/// Seconds for them, and for patches of a block that is audited.
 const SECONDS_OF_A_LOOK: f64 = 0.15;
-/// Blocks of rows of which patches are audited, and patches of each.
+/// Most blocks of rows of which patches are audited, and least number, whatever the time.
 const AUDITED_BLOCKS: u32 = 8;
-const AUDITED_PATCHES: f64 = 8.0;
+const LEAST_AUDITED: usize = 4;
+/// Fewest and most patches of a block.
+const AUDITED_PATCHES: [f64; 2] = [2.0, 8.0];
 
 /// Look at a view.
 struct Look {
@@ -79,7 +81,12 @@ impl Lines<'_> {
     fn audit(&mut self) -> Result<Option<AuditedError>> {
         // Sums of squared errors, in squared tolerances, and patches of each block.
         let mut blocks: Vec<[f64; 2]> = Vec::new();
+        let begin = Instant::now();
+        let [mut most, _] = AUDITED_PATCHES;
         for number in 0..AUDITED_BLOCKS {
+            if blocks.len() >= LEAST_AUDITED && begin.elapsed().as_secs_f64() > SECONDS {
+                break;
+            }
             let turn = (f64::from(number) * GOLDEN + 0.5).fract();
             let pose = numbers::whole::<u32>(turn * self.simulation.pose_count());
             let pose = self.simulation.pose(pose);
@@ -95,10 +102,13 @@ impl Lines<'_> {
             let responses = Responses::new(vec![simulation.response(pose.view)]);
             let mut view = simulation.pose_context(&pose, &responses);
             view.budget.audit = 1.0;
-            let chosen = (AUDITED_PATCHES, turn);
+            let block = Instant::now();
+            let chosen = (most, turn);
             let audited = sampling::count_patches(&view, tracer, rows, &band, chosen)?.audit.all();
             if audited.patches > 0 {
                 blocks.push([audited.squares()[0], audited.patches as f64]);
+                let each = block.elapsed().as_secs_f64() / audited.patches as f64;
+                most = (SECONDS_OF_A_LOOK / each).clamp(AUDITED_PATCHES[0], AUDITED_PATCHES[1]);
             }
         }
         let sum = |of: &dyn Fn(&[f64; 2]) -> f64| blocks.iter().map(of).sum::<f64>();
@@ -115,7 +125,7 @@ impl Lines<'_> {
     /// Looks at rows of views, spread over both.
     fn looks(&mut self, steps_left_out: f64) -> Result<Vec<Look>> {
         let mut looks = Vec::new();
-        let mut seen = HashSet::new();
+        let mut known: HashMap<(u32, usize, i64), RowsCost> = HashMap::new();
         let begin = Instant::now();
         let mut patches = FIRST_PATCHES;
         for number in 0..MOST_LOOKS {
@@ -136,18 +146,29 @@ impl Lines<'_> {
                 let blocks = (part.end - part.start + ROWS - 1) / ROWS;
                 numbers::whole::<i64>(radical_inverse(number) * blocks as f64)
             };
-            if all.is_empty() || !seen.insert((view, parts.each_ref().map(block_of))) {
+            let parts: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
+            let is_known =
+                |(at, part): (usize, &Range<i64>)| known.contains_key(&(view, at, block_of(part)));
+            if parts.iter().enumerate().all(is_known) {
                 continue;
             }
             let start = (f64::from(number) * GOLDEN).fract();
             let mut cost = RowsCost::default();
-            for part in parts.iter().filter(|part| !part.is_empty()) {
-                let first = part.start + block_of(part) * ROWS;
+            for (at, part) in parts.iter().enumerate() {
+                let block = block_of(part);
+                // Other patches of a block are looked at while there is time.
+                let is_late = begin.elapsed().as_secs_f64() > SECONDS;
+                if let Some(of_rows) = known.get(&(view, at, block)).filter(|_| is_late) {
+                    cost = cost.and(of_rows);
+                    continue;
+                }
+                let first = part.start + block * ROWS;
                 let rows = first..(first + ROWS).min(part.end);
                 let share = (part.end - part.start) as f64 / (rows.end - rows.start) as f64;
                 let choice = Choice { most: patches, start, steps_left_out };
-                let of_rows = self.look(&pose, rows, choice)?;
-                cost = cost.and(&of_rows.times(share));
+                let of_rows = self.look(&pose, rows, choice)?.times(share);
+                cost = cost.and(&of_rows);
+                known.insert((view, at, block), RowsCost { sampled: 0.0, spent: 0.0, ..of_rows });
             }
             if cost.sampled > 0.0 {
                 let each = (cost.spent / cost.sampled).max(1e-9);
