@@ -26,18 +26,6 @@ fn end() -> ! {
     std::process::exit(EXIT_CODE.into())
 }
 
-/// Lets writes beyond the limit of file sizes (`ulimit -f`) fail with an error, which names the file;
-/// the system would end the process.
-#[cfg(unix)]
-pub(crate) fn let_large_writes_fail() {
-    // SAFETY: to ignore a signal runs no code of ours, and no other thread has been started.
-    unsafe { libc::signal(libc::SIGXFSZ, libc::SIG_IGN) };
-}
-
-/// Other systems have no such signal.
-#[cfg(not(unix))]
-pub(crate) const fn let_large_writes_fail() {}
-
 /// Starts to listen, and gives what Ctrl-C ends from now on. Where that is impossible Ctrl-C ends the
 /// process as it always does.
 pub(crate) fn listen() -> Cancel {

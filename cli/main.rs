@@ -17,6 +17,7 @@ mod progress;
 mod report;
 mod residuals;
 mod subject;
+mod system;
 
 use beamlet::cli_support::numbers;
 use clap::{CommandFactory, Parser};
@@ -38,7 +39,8 @@ fn main() -> ExitCode {
 /// the name of the program.
 #[allow(unreachable_pub, reason = "public where the Python package has the program as a library")]
 pub fn run(words: Vec<OsString>) -> u8 {
-    interrupt::let_large_writes_fail();
+    system::let_large_writes_fail();
+    system::limit_heaps();
     let words = WORDS.get_or_init(|| words);
     let name = OsString::from("beamlet");
     let arguments = match args::Arguments::try_parse_from(std::iter::once(&name).chain(words)) {
