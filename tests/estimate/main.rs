@@ -64,7 +64,7 @@ fn rays_of_a_bumpy_ball_are_estimated_within_a_factor_of_two() {
     compare("estimate, ball (factor, as its logarithm)", &scenes::scene(&setup, &[ball], &OFFSETS));
 }
 
-/// The measured error of an estimate, of 64 patches, is that of a run whose every patch is audited, within three of the
+/// The measured error of an estimate, of some patches, is that of a run whose every patch is audited, within three of the
 /// standard errors of both.
 #[test]
 fn the_error_of_sampling_is_that_of_a_run() {
@@ -79,7 +79,8 @@ fn the_error_of_sampling_is_that_of_a_run() {
     let estimate = report.work.estimate.expect("an estimate");
     let got = estimate.sampling_error.expect("a measured error");
     println!("measured audit of an estimate: {got:?} for {want:?}");
-    assert!(got.patches > 40 && got.patches <= 64, "{got:?}");
+    // Of four blocks of two, where these are slow, up to eight of eight.
+    assert!(got.patches >= 8 && got.patches <= 64, "{got:?}");
     let both = got.standard_error.hypot(want.standard_error);
     assert!(want.rms > 1e-5 && (got.rms - want.rms).abs() < 3.0 * both, "{got:?} for {want:?}");
 }

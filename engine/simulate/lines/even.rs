@@ -20,6 +20,7 @@ use beamlet_interface::{BUNDLE_LANES, RAYS_PER_LANE, Ray, RayResult};
 use changes::Changes;
 pub(super) use columns::seen;
 use columns::{columns, part};
+use std::f64::consts::SQRT_2;
 use std::ops::Range;
 
 /// Crossings of a ray, on average, from which on structure may be too fine for rays.
@@ -83,12 +84,8 @@ impl EvenPatch {
         (0..self.count()).map(|index| self.cell(index))
     }
 
-    /// Cells in the order in which their rays are traced.
-    pub(super) fn cells_as_traced(&self) -> impl Iterator<Item = EvenCell> {
-        self.traced().map(|index| self.cell(index))
-    }
-
-    fn cell(&self, index: u32) -> EvenCell {
+    /// A cell by its index.
+    pub(super) fn cell(&self, index: u32) -> EvenCell {
         let (x, z, ray) = self.place(index);
         EvenCell { x, z, ray, result: self.results[index as usize] }
     }
@@ -98,25 +95,29 @@ impl EvenPatch {
         self.traced().map(|index| self.place(index).2)
     }
 
-    /// Indices of its rays in the order in which they are traced: by bands of lines, and column by column in a band.
-    fn traced(&self) -> impl Iterator<Item = u32> {
-        let (columns, band) = (self.columns(), self.band());
-        let of_band = move |first: u32| {
-            let of_column =
-                move |column: u32| (first..first + band).map(move |line| line * columns + column);
-            (0..columns).flat_map(of_column)
-        };
-        (0..self.lines).step_by(band as usize).flat_map(of_band)
+    /// Indices of its rays in the order in which they are traced: by bands of lines, and column by column in a band, forth
+    /// and back, so that rays which follow one another are neighbours.
+    pub(super) fn traced(&self) -> impl Iterator<Item = u32> {
+        let (columns, lines) = (self.columns(), self.band());
+        let of_band = columns * lines;
+        (0..self.count()).map(move |at| {
+            let (band, within) = (at / of_band, at % of_band);
+            let from_end = columns - 1 - within / lines;
+            let column = if band % 2 == 0 { within / lines } else { from_end };
+            (band * lines + within % lines) * columns + column
+        })
     }
 
     /// Lines whose rays are traced together, a power of two. A bundle of rays meets the fewest bodies where it is as much
     /// wider than high as they are.
     fn band(&self) -> u32 {
-        let across = f64::from(self.borders[self.borders.len() - 1] - self.borders[0]);
-        let column = across / f64::from(self.columns());
+        let widths = self.borders.windows(2).map(|pair| f64::from(pair[1] - pair[0]));
+        let column = widths.fold(f64::INFINITY, f64::min);
         let slimness = self.bodies.lowest / self.bodies.narrowest;
         let band = (f64::from(BUNDLE * self.lines) * column * slimness).sqrt();
-        1 << numbers::whole::<u32>(band.max(1.0).min(self.lines.into())).ilog2()
+        // The nearest power.
+        let band = (SQRT_2 * band).max(1.0).min(self.lines.into());
+        1 << numbers::whole::<u32>(band).ilog2()
     }
 
     /// Takes the results of its rays, in the order in which they are traced.
@@ -433,5 +434,65 @@ impl<'a> EvenSampler<'a> {
             }
         }
         all
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use bytemuck::Zeroable;
+
+    fn patch(lines: u32, columns: u16, bodies: Bodies) -> EvenPatch {
+        let borders = (0..=columns).map(|it| 1e-6 * (f32::from(it) - 40.0)).collect();
+        let results = Vec::new();
+        EvenPatch {
+            beamlet: 3,
+            row: 5,
+            borders,
+            lines,
+            bodies,
+            trial: 1,
+            results,
+            rays: 0,
+            error: 0.0,
+        }
+    }
+
+    #[test]
+    fn each_ray_is_traced_once_and_takes_its_own_result() {
+        let bodies = [[2e-6, 20.0], [2e-6, 2e-2], [1e-3, 1e-3], [f64::INFINITY; 2], [1e-6, 0.0]];
+        for [narrowest, lowest] in bodies {
+            for (lines, columns) in [(4, 1), (4, 12), (8, 75), (32, 7)] {
+                let mut patch = patch(lines, columns, Bodies { count: 40, narrowest, lowest });
+                let traced: Vec<u32> = patch.traced().collect();
+                let result = |index: &u32| RayResult { crossings: *index, ..Zeroable::zeroed() };
+                patch.add(&traced.iter().map(result).collect::<Vec<_>>());
+                let found: Vec<u32> = patch.cells().map(|cell| cell.result.crossings).collect();
+                assert_eq!(found, (0..patch.count()).collect::<Vec<_>>());
+            }
+        }
+    }
+
+    #[test]
+    fn bundles_are_as_narrow_or_as_flat_as_bodies() {
+        // 8 lines of 80 columns of 1 um, 1/8 of a row high: size of a bundle, um and rows.
+        let size = |narrowest, lowest| {
+            let patch = patch(8, 80, Bodies { count: 40, narrowest, lowest });
+            let rays: Vec<[f32; 2]> = patch.rays().collect();
+            let extent = |axis: usize| {
+                let of = |bundle: &[[f32; 2]]| {
+                    let all = || bundle.iter().map(|ray| ray[axis]);
+                    all().fold(f32::MIN, f32::max) - all().fold(f32::MAX, f32::min)
+                };
+                rays.chunks(BUNDLE as usize).map(of).fold(0.0, f32::max)
+            };
+            [1e6 * extent(0), extent(1)]
+        };
+        // Upright fibres of 5 um, bubbles of 5 um in rows of 40 um, and fibres that lie.
+        let [upright, bubbles, lying] = [size(2e-6, 10.0), size(2e-6, 0.05), size(1e-3, 0.05)];
+        assert!(upright[0] <= 4.0 && upright[1] > 0.8, "{upright:?}");
+        assert!(bubbles[0] <= 17.0 && bubbles[1] <= 0.25, "{bubbles:?}");
+        // Where a line ends, a bundle goes on in the next.
+        assert!(lying[0] <= 32.0 && lying[1] <= 0.25, "{lying:?}");
     }
 }

@@ -158,7 +158,7 @@ impl Work {
         self.begun.bytes() + self.done.bytes() + pieces as u64
     }
 
-    /// Takes the patches that are done, and doubles the number that may be in memory.
+    /// Takes the patches that are done. Where a limit has lowered the number that may be in memory, it doubles.
     pub(super) fn take_done(&mut self) -> Patches {
         self.most = (2 * self.most).min(PATCHES_AT_ONCE);
         std::mem::take(&mut self.done)

@@ -22,14 +22,15 @@ pub(super) struct FreshCells {
 
 /// Patches of evenly spread rays.
 impl Auditor<'_> {
-    /// Its cells, with rays at random places.
+    /// Its cells with rays at random places, in the order in which they are traced.
     pub(super) fn random_cells(&self, patch: &EvenPatch, draws: &mut Draws) -> Vec<EvenCell> {
         let within = |[low, high]: [f32; 2], share: f64| low + (high - low) * single(share);
         let cell = |cell: EvenCell| {
             let [x, z] = draws.pair();
             EvenCell { ray: [within(cell.x, x), within(cell.z, z)], ..cell }
         };
-        patch.cells_as_traced().map(cell).collect()
+        let cells: Vec<EvenCell> = patch.cells().map(cell).collect();
+        patch.traced().map(|index| cells[index as usize]).collect()
     }
 
     /// Traces the rays of cells.
@@ -55,7 +56,7 @@ impl Auditor<'_> {
             let [width, height] = [cell.x, cell.z].map(|[low, high]| f64::from(high - low));
             self.part(&piece, z, sign * height * width / NARROWEST)
         };
-        let own = patch.cells_as_traced().zip(cells);
+        let own = patch.traced().map(|index| patch.cell(index)).zip(cells);
         let own = own.map(|(own, cell)| part(cell, self.narrowed(own.result), 1.0));
         let fresh = cells.iter().map(|cell| part(cell, cell.result, -1.0));
         let mut sums = self.no_light();

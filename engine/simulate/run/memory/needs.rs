@@ -30,7 +30,7 @@ const STRUCTURE: u64 = 60;
 const SCRATCH: u64 = 60;
 /// Bytes on the host per ray of a group of rows: the ray, its result, segments of its line, cells.
 /// For curved bodies, which take most; flat ones take less.
-const OF_RAY: u64 = 680;
+const OF_RAY: u64 = 560;
 /// Bytes on the host per cell of lines in memory together: its piece, and all that is made of it.
 const OF_CELL: u64 = 700;
 /// Largest number of these cells: beyond it patches are sampled in turn.

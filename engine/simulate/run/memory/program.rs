@@ -10,7 +10,7 @@ const KERNELS: u64 = 100 << 20;
 const BUILD: u64 = 320;
 /// Additional memory that allocators keep of freed vectors, per triangle, and its limit: smaller vectors
 /// leave gaps, by the timing of threads, and large ones go back to the system.
-const GAPS: [u64; 2] = [150, 60 << 20];
+const GAPS: [u64; 2] = [100, 40 << 20];
 
 /// Bytes of the program, the driver and its kernels.
 pub(super) fn program(scene: &Scene) -> u64 {

@@ -27,12 +27,12 @@ const SECONDS: f64 = 1.0;
 const FIRST_PATCHES: f64 = 64.0;
 /// Fewest and most patches of a look.
 const PATCHES: [f64; 2] = [64.0, 256.0];
-/// Seconds for them, and for patches of a block that is audited.
+/// Seconds in which as many patches of few bodies are sampled, and patches of a block are audited.
 const SECONDS_OF_A_LOOK: f64 = 0.15;
 /// Most blocks of rows of which patches are audited, and least number, whatever the time.
 const AUDITED_BLOCKS: u32 = 8;
-const LEAST_AUDITED: usize = 4;
-/// Fewest and most patches of a block.
+const LEAST_AUDITED: u32 = 4;
+/// Fewest and most patches of a block; at most twice as many as of the block before, which may have been of faster ones.
 const AUDITED_PATCHES: [f64; 2] = [2.0, 8.0];
 
 /// Look at a view.
@@ -84,7 +84,7 @@ impl Lines<'_> {
         let begin = Instant::now();
         let [mut most, _] = AUDITED_PATCHES;
         for number in 0..AUDITED_BLOCKS {
-            if blocks.len() >= LEAST_AUDITED && begin.elapsed().as_secs_f64() > SECONDS {
+            if number >= LEAST_AUDITED && begin.elapsed().as_secs_f64() > SECONDS {
                 break;
             }
             let turn = (f64::from(number) * GOLDEN + 0.5).fract();
@@ -108,15 +108,17 @@ impl Lines<'_> {
             if audited.patches > 0 {
                 blocks.push([audited.squares()[0], audited.patches as f64]);
                 let each = block.elapsed().as_secs_f64() / audited.patches as f64;
-                most = (SECONDS_OF_A_LOOK / each).clamp(AUDITED_PATCHES[0], AUDITED_PATCHES[1]);
+                let [fewest, all] = AUDITED_PATCHES;
+                most = (SECONDS_OF_A_LOOK / each).clamp(fewest, all.min(2.0 * most));
             }
         }
         let sum = |of: &dyn Fn(&[f64; 2]) -> f64| blocks.iter().map(of).sum::<f64>();
-        let (count, patches) = (blocks.len() as f64, sum(&|[_, patches]| *patches));
+        let patches = sum(&|[_, patches]| *patches);
+        let of_squares = sum(&|[_, patches]| patches * patches);
         let square = sum(&|[squares, _]| *squares) / patches;
         // Blocks differ by their patches, and by the places of rays.
         let apart = sum(&|[squares, patches]| (squares - square * patches).powi(2));
-        let error = (apart * count / (count - 1.0)).sqrt() / patches;
+        let error = (apart / (patches * patches - of_squares)).sqrt();
         let tolerance = self.simulation.budget.tolerance;
         Ok((blocks.len() > 1)
             .then(|| AuditedError::of([square, error], numbers::whole(patches), tolerance)))
@@ -146,19 +148,20 @@ impl Lines<'_> {
                 let blocks = (part.end - part.start + ROWS - 1) / ROWS;
                 numbers::whole::<i64>(radical_inverse(number) * blocks as f64)
             };
+            if all.is_empty() {
+                continue;
+            }
             let parts: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
             let is_known =
                 |(at, part): (usize, &Range<i64>)| known.contains_key(&(view, at, block_of(part)));
-            if parts.iter().enumerate().all(is_known) {
-                continue;
-            }
+            let are_known = parts.iter().enumerate().all(is_known);
             let start = (f64::from(number) * GOLDEN).fract();
             let mut cost = RowsCost::default();
             for (at, part) in parts.iter().enumerate() {
                 let block = block_of(part);
-                // Other patches of a block are looked at while there is time.
-                let is_late = begin.elapsed().as_secs_f64() > SECONDS;
-                if let Some(of_rows) = known.get(&(view, at, block)).filter(|_| is_late) {
+                // Beside new blocks others are looked at again, at other patches, while there is time.
+                let counts = are_known || begin.elapsed().as_secs_f64() > SECONDS;
+                if let Some(of_rows) = known.get(&(view, at, block)).filter(|_| counts) {
                     cost = cost.and(of_rows);
                     continue;
                 }
