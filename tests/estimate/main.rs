@@ -79,7 +79,7 @@ fn the_error_of_sampling_is_that_of_a_run() {
     let estimate = report.work.estimate.expect("an estimate");
     let got = estimate.sampling_error.expect("a measured error");
     println!("measured audit of an estimate: {got:?} for {want:?}");
-    // Of four blocks of two, where these are slow, up to eight of eight.
+    // Four blocks of two patches where patches are slow, up to eight blocks of eight.
     assert!(got.patches >= 8 && got.patches <= 64, "{got:?}");
     let both = got.standard_error.hypot(want.standard_error);
     assert!(want.rms > 1e-5 && (got.rms - want.rms).abs() < 3.0 * both, "{got:?} for {want:?}");

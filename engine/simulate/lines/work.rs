@@ -1,5 +1,5 @@
-//! Patches whose lines or rays are being chosen. Each waits for its own lines or rays; a batch of rays holds those of all
-//! patches. A patch that is done makes room for a new one.
+//! Patches in work. The lines or rays of such a patch are still being chosen, and it waits for its own ones only. A batch has
+//! the rays that all patches in work wait for. A patch that is done makes room for a new one.
 
 use super::even::EvenPatch;
 use super::light::LitLine;

@@ -32,7 +32,8 @@ const SECONDS_OF_A_LOOK: f64 = 0.15;
 /// Most blocks of rows of which patches are audited, and least number, whatever the time.
 const AUDITED_BLOCKS: u32 = 8;
 const LEAST_AUDITED: u32 = 4;
-/// Fewest and most patches of a block; at most twice as many as of the block before, which may have been of faster ones.
+/// Fewest and most audited patches of a block of rows. A block has at most twice as many as the one before, whose patches
+/// may have been faster.
 const AUDITED_PATCHES: [f64; 2] = [2.0, 8.0];
 
 /// Look at a view.
@@ -41,6 +42,26 @@ struct Look {
     once: f64,
     /// Cost of all rows that a shadow reaches.
     cost: RowsCost,
+}
+
+/// Block of rows that stands for a part of a view.
+struct Block {
+    rows: Range<i64>,
+    /// Rows of the part, for each of the block.
+    share: f64,
+}
+
+impl Block {
+    /// The block of a part of a view that a look takes; none of no rows.
+    fn of(part: Range<i64>, look: u32) -> Option<Self> {
+        let count = part.end - part.start;
+        let blocks = (count + ROWS - 1) / ROWS;
+        let number = numbers::whole::<i64>(radical_inverse(look) * blocks as f64);
+        let first = part.start + number * ROWS;
+        let rows = first..(first + ROWS).min(part.end);
+        let share = count as f64 / (rows.end - rows.start) as f64;
+        (count > 0).then_some(Self { rows, share })
+    }
 }
 
 /// Patches of a look.
@@ -127,7 +148,8 @@ impl Lines<'_> {
     /// Looks at rows of views, spread over both.
     fn looks(&mut self, steps_left_out: f64) -> Result<Vec<Look>> {
         let mut looks = Vec::new();
-        let mut known: HashMap<(u32, usize, i64), RowsCost> = HashMap::new();
+        // Costs of parts of views by their blocks: view and first row.
+        let mut known: HashMap<(u32, i64), RowsCost> = HashMap::new();
         let begin = Instant::now();
         let mut patches = FIRST_PATCHES;
         for number in 0..MOST_LOOKS {
@@ -144,34 +166,26 @@ impl Lines<'_> {
             let inner = all.start.max(0)..all.end.min(self.simulation.grid_rows());
             let inner = if inner.is_empty() { all.start..all.start } else { inner };
             let parts = [inner.clone(), all.start..inner.start, inner.end..all.end];
-            let block_of = |part: &Range<i64>| {
-                let blocks = (part.end - part.start + ROWS - 1) / ROWS;
-                numbers::whole::<i64>(radical_inverse(number) * blocks as f64)
-            };
-            if all.is_empty() {
+            let blocks: Vec<Block> =
+                parts.into_iter().filter_map(|part| Block::of(part, number)).collect();
+            if blocks.is_empty() {
                 continue;
             }
-            let parts: Vec<_> = parts.into_iter().filter(|part| !part.is_empty()).collect();
-            let is_known =
-                |(at, part): (usize, &Range<i64>)| known.contains_key(&(view, at, block_of(part)));
-            let are_known = parts.iter().enumerate().all(is_known);
+            let are_known = blocks.iter().all(|it| known.contains_key(&(view, it.rows.start)));
             let start = (f64::from(number) * GOLDEN).fract();
             let mut cost = RowsCost::default();
-            for (at, part) in parts.iter().enumerate() {
-                let block = block_of(part);
-                // Beside new blocks others are looked at again, at other patches, while there is time.
-                let counts = are_known || begin.elapsed().as_secs_f64() > SECONDS;
-                if let Some(of_rows) = known.get(&(view, at, block)).filter(|_| counts) {
+            for Block { rows, share } in blocks {
+                let place = (view, rows.start);
+                // Beside a new block known ones are looked at again, at other patches, while there is time.
+                let is_enough = are_known || begin.elapsed().as_secs_f64() > SECONDS;
+                if let Some(of_rows) = known.get(&place).filter(|_| is_enough) {
                     cost = cost.and(of_rows);
                     continue;
                 }
-                let first = part.start + block * ROWS;
-                let rows = first..(first + ROWS).min(part.end);
-                let share = (part.end - part.start) as f64 / (rows.end - rows.start) as f64;
                 let choice = Choice { most: patches, start, steps_left_out };
                 let of_rows = self.look(&pose, rows, choice)?.times(share);
                 cost = cost.and(&of_rows);
-                known.insert((view, at, block), RowsCost { sampled: 0.0, spent: 0.0, ..of_rows });
+                known.insert(place, RowsCost { sampled: 0.0, spent: 0.0, ..of_rows });
             }
             if cost.sampled > 0.0 {
                 let each = (cost.spent / cost.sampled).max(1e-9);
