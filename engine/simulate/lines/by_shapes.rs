@@ -110,18 +110,39 @@ impl ShapeInBeam {
         OwnRay { o: self.own * off, d: self.own * DVec3::new(slope_x, 1.0, slope_z) }
     }
 
-    /// Parts of lines that cut it, from left to right. `slopes`: of the ray at x in the cell plane; `plane`: of the
-    /// cells, m from the source.
-    pub(super) fn cuts(
+    /// Interval of x in a plane, m from the source, within which it lies.
+    pub(super) fn x_around(&self, source: f64, plane: f64) -> [f64; 2] {
+        let along = self.centre.y + source;
+        let [near, far] = [(along - self.radius).max(1e-3 * along), along + self.radius];
+        [-1.0, 1.0].map(|side| {
+            let x = self.centre.x + side * self.radius;
+            x * plane / if x * side > 0.0 { near } else { far }
+        })
+    }
+
+    /// Slopes along z within which it lies.
+    pub(super) fn slopes_around(&self, source: f64) -> [f64; 2] {
+        let upright = Self { centre: DVec3::new(self.centre.z, self.centre.y, 0.0), ..*self };
+        upright.x_around(source, 1.0)
+    }
+
+    /// Slopes along z at which rays of a slope along x begin or end to cut a part of it.
+    pub(super) fn ends_along_z(&self, source: f64, slope_x: f64) -> impl Iterator<Item = f64> {
+        let along = self.centre.y + source;
+        let of = [self.centre.z / along, self.radius / along];
+        self.ends(source, of, |slope_z| [slope_x, slope_z]).into_iter().map(|(slope, _)| slope)
+    }
+
+    /// Places of a row of rays at which these touch a curved surface (true) or meet the edge of a cap. `slopes`: of the ray
+    /// at a place; `centre` and `unit`: place of the middle and size of the shape.
+    fn ends(
         &self,
         source: f64,
-        plane: f64,
+        [centre, unit]: [f64; 2],
         slopes: impl Fn(f64) -> [f64; 2],
-    ) -> Vec<ShapeCut> {
-        let to_plane = plane / (self.centre.y + source);
-        let [centre, unit] = [self.centre.x * to_plane, self.radius * to_plane];
+    ) -> Vec<(f64, bool)> {
         let mut ends: Vec<(f64, bool)> = Vec::new();
-        // All of these are polynomials of second degree in x, whatever the place that a ray begins at.
+        // All of these are polynomials of second degree in the place, whatever plane a ray begins at.
         let mut add = |is_rim: bool, of: &dyn Fn(&OwnRay) -> f64| {
             let value = |u: f64| of(&self.ray(source, slopes(centre + u * unit)));
             for root in roots([value(-1.0), value(0.0), value(1.0)]).into_iter().flatten() {
@@ -147,6 +168,20 @@ impl ShapeInBeam {
                 }
             }
         }
+        ends
+    }
+
+    /// Parts of lines that cut it, from left to right. `slopes`: of the ray at x in the cell plane; `plane`: of the
+    /// cells, m from the source.
+    pub(super) fn cuts(
+        &self,
+        source: f64,
+        plane: f64,
+        slopes: impl Fn(f64) -> [f64; 2],
+    ) -> Vec<ShapeCut> {
+        let to_plane = plane / (self.centre.y + source);
+        let mut ends =
+            self.ends(source, [self.centre.x, self.radius].map(|it| it * to_plane), &slopes);
         ends.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
         let cut = |pair: &[(f64, bool)]| {
             let x = [pair[0].0, pair[1].0];
@@ -284,7 +319,7 @@ impl Quadratic {
 }
 
 /// Roots of the polynomial of second degree that has these values at -1, 0 and 1.
-fn roots([low, middle, high]: [f64; 3]) -> [Option<f64>; 2] {
+pub(super) fn roots([low, middle, high]: [f64; 3]) -> [Option<f64>; 2] {
     let (a, b) = (f64::midpoint(low, high) - middle, 0.5 * (high - low));
     let discriminant = b * b - 4.0 * a * middle;
     if discriminant < 0.0 {

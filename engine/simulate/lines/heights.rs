@@ -12,11 +12,11 @@ mod features;
 mod moved;
 
 use super::window_light::Values;
-use beamlet_core::numbers;
+use beamlet_core::random::GOLDEN;
 pub(crate) use draws::Draws;
 use estimate::Estimate;
 pub(crate) use features::Features;
-use features::{MOST_JUMPS, jumps};
+use features::{Crease, Jumps};
 pub(crate) use moved::Moved;
 
 /// Part of the squared limit of errors that intervals which stay whole may have: where a few jumps have most of the
@@ -25,9 +25,14 @@ const WHOLE: f64 = 0.3;
 /// [`Limits::least`] of lines of rays: above the rounding of rays 1,000 rows off the axis (6e-5), and a jump that is missed
 /// errs by less than 2e-4 of it (`jumps_at_known_heights_take_two_lines`).
 pub(crate) const LEAST_OF_RAYS: f64 = 1.0 / 4096.0;
-/// Most intervals of a row before its first light, and lines at ends of bodies that are not flat: of few bodies each end
-/// counts, of many the light between lines varies anyway.
-const MOST_FIRST: u32 = 26;
+/// Most lines of a row before its first light. Heights that are left out count in the estimate (`Heights::left`).
+const MOST_FIRST: usize = 256;
+/// Critical heights are one that are nearer to one another than this part of the height whose light may be lost.
+const NEAR: f64 = 0.25;
+/// Change of the slope of light at a crease that has a line of its own, limits of the error per row.
+const STRONG: f64 = 60.0;
+/// Most creases of a row with lines of their own: where light bends everywhere, lines show it.
+const MOST_CREASES: usize = 12;
 
 /// Light of a line, as heights are judged by it.
 pub(crate) trait Judged {
@@ -115,6 +120,38 @@ pub(crate) struct Heights<L> {
     is_random: bool,
     /// True if light is judged alone, without its displacement along x.
     light_alone: bool,
+    /// Places at which light bends, in the order of z.
+    creases: Vec<Crease>,
+    /// Heights that light may change at without a first line, in the order of z.
+    left: Vec<f64>,
+}
+
+/// Heights of the strongest creases.
+fn strongest(creases: &[Crease], limits: Limits) -> Vec<f64> {
+    let mut strong: Vec<&Crease> =
+        creases.iter().filter(|it| it.weight > STRONG * limits.error).collect();
+    strong.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.z.total_cmp(&b.z)));
+    strong.into_iter().take(MOST_CREASES).map(|it| it.z).collect()
+}
+
+/// Puts at most `most` heights in the place of more, each anywhere in a stratum of as many: heights at which light changes
+/// would not stand for those between. The heights that are left out.
+fn stratify(heights: &mut Vec<f64>, most: usize) -> Vec<f64> {
+    let count = heights.len();
+    if count <= most {
+        return Vec::new();
+    }
+    let border = |stratum: usize| match stratum * count / most.max(1) {
+        0 => 0.0,
+        at if at >= count => 1.0,
+        at => f64::midpoint(heights[at - 1], heights[at]),
+    };
+    let place = |stratum: usize| {
+        let share = (GOLDEN * stratum as f64 + 0.5).fract();
+        border(stratum) + (border(stratum + 1) - border(stratum)) * share
+    };
+    let own = (0..most).map(place).collect();
+    std::mem::replace(heights, own)
 }
 
 impl<L> Placed<L> {
@@ -127,30 +164,43 @@ impl<L> Placed<L> {
 impl<L: Judged + Clone> Heights<L> {
     /// Lines of a row without their light; within their number, but for the three that an estimate needs.
     pub(crate) fn new(features: &Features, limits: Limits) -> Self {
-        let of_lines = |lines: Vec<Placed<L>>| {
-            let rough = features.rough;
-            Self { lines, limits, rough, is_random: false, light_alone: false }
+        let of_lines = |lines: Vec<Placed<L>>, left: Vec<f64>| {
+            let (rough, creases) = (features.rough, features.creases.clone());
+            Self { lines, limits, rough, is_random: false, light_alone: false, creases, left }
         };
-        if features.height.is_infinite() {
-            return of_lines(vec![Placed::new(0.5)]);
+        if !features.varies {
+            return of_lines(vec![Placed::new(0.5)], Vec::new());
         }
-        let room = (limits.lines as f64 - 1.0).clamp(2.0, MOST_FIRST.into());
-        let parts: u32 = numbers::whole((1.0 / features.height).ceil().clamp(2.0, room));
-        let even = (0..=parts).map(|part| f64::from(part) / f64::from(parts));
-        let fits = |jumps: &Vec<[f64; 2]>| parts as usize + 1 + 2 * jumps.len() <= limits.lines;
-        let of_ends = |thin: f64| jumps(&features.ends, limits.least, thin);
-        let all = [of_ends(limits.thin), of_ends(f64::INFINITY)];
-        let jumps = all.into_iter().find(fits).unwrap_or_default();
-        let is_beside = |z: &f64| jumps.iter().all(|[low, high]| z <= low || z >= high);
-        let left = limits.lines.saturating_sub(parts as usize + 1 + 2 * jumps.len());
-        let lids = features.lids.iter().copied().take(left.min(MOST_FIRST as usize));
-        let mut heights: Vec<f64> = even.chain(lids).filter(is_beside).collect();
-        heights.extend(jumps.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
+        let Jumps { mut pairs, ends } = Jumps::new(&features.jumps, limits.least, limits.thin);
+        // Lines in the middle are as many again.
+        let most = (MOST_FIRST.min(limits.lines) / 2).max(2) - 2;
+        let mut left: Vec<f64> = Vec::new();
+        if 2 * pairs.len() > most {
+            left.extend(pairs.drain(most / 2..).flatten());
+        }
+        let is_apart = |z: &f64| pairs.iter().all(|[low, high]| z <= low || z >= high);
+        let is_within = |z: &f64| *z > limits.least && *z < 1.0 - limits.least;
+        let mut critical =
+            [features.critical.as_slice(), &ends, &strongest(&features.creases, limits)].concat();
+        critical.retain(|z| is_within(z) && is_apart(z));
+        critical.sort_unstable_by(f64::total_cmp);
+        let near = (NEAR * limits.thin).max(limits.least);
+        critical.dedup_by(|a, b| *a - *b < near);
+        left.extend(stratify(&mut critical, most.saturating_sub(2 * pairs.len())));
+        left.sort_unstable_by(f64::total_cmp);
+        let jumps_at = |z: f64| pairs.iter().any(|it| it[0].to_bits() == z.to_bits());
+        let borders = [0.0, 1.0].into_iter().filter(is_apart);
+        let mut heights: Vec<f64> = borders.chain(critical).collect();
+        heights.extend(pairs.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
         heights.sort_unstable_by(f64::total_cmp);
         heights.dedup_by(|a, b| *a - *b < 0.5 * limits.least);
-        let jumps_at = |z: f64| jumps.iter().any(|it| it[0].to_bits() == z.to_bits());
+        let is_open =
+            |it: &&[f64]| !jumps_at(it[0]) && it[1] - it[0] > near.max(4.0 * limits.least);
+        let between = heights.windows(2).filter(is_open).map(|it| f64::midpoint(it[0], it[1]));
+        heights.extend(between.collect::<Vec<f64>>());
+        heights.sort_unstable_by(f64::total_cmp);
         let place = |z: f64| Placed { jumps: jumps_at(z), ..Placed::new(z) };
-        of_lines(heights.into_iter().map(place).collect())
+        of_lines(heights.into_iter().map(place).collect(), left)
     }
 
     /// Heights of lines without light, rows below the upper border.
@@ -206,12 +256,9 @@ impl<L: Judged + Clone> Heights<L> {
     fn halved(&self) -> Vec<usize> {
         let limit = self.limits.error * self.limits.error;
         let estimates: Vec<Estimate> = self.estimates().collect();
-        let jumps = estimates.iter().filter(|it| it.hidden > 0.0).count();
         let draws = self.squares_of_draws();
-        let hides = jumps <= MOST_JUMPS && !self.is_random;
         let error = |(at, it): (usize, &Estimate)| {
-            let hidden = if hides { it.hidden } else { 0.0 };
-            it.square(draws.get(at).copied()).sqrt().max(hidden).max(it.hidden_crossing)
+            it.square(draws.get(at).copied()).sqrt().max(it.hidden_crossing)
         };
         let errors: Vec<f64> = estimates.iter().enumerate().map(error).collect();
         let drawn: f64 = draws.iter().sum();

@@ -2,6 +2,7 @@
 //!
 //! Files in the order of the data flow, with the tests that notice them:
 //! - `patch_places`: patches on which shadows fall (`tests/sampling/traps.rs`).
+//! - `critical`: heights at which surfaces end, jump or bend light there (`tests/sampling/parts.rs`).
 //! - `by_facets`, `by_shapes`: surfaces that the plane of a line cuts (`tests/sampling/truth/`, `rims.rs`).
 //! - `sections`: pieces of a line between the ends of these surfaces (`tilted_faces.rs`, `level_faces.rs`).
 //! - `line`, `window_light`, `light`: a line, and its light by the windows that it reaches (`estimated.rs`);
@@ -16,6 +17,7 @@ mod audit;
 mod by_facets;
 mod by_shapes;
 mod combined_light;
+mod critical;
 mod even;
 mod heights;
 mod light;
@@ -27,6 +29,7 @@ mod slopes;
 mod window_light;
 mod work;
 
+pub(crate) use critical::SampleImage;
 pub(crate) use even::{EvenCell, EvenPatch};
 pub(crate) use heights::{Features, Heights, Judged, JudgedLight, LEAST_OF_RAYS, Limits, Uneven};
 pub(crate) use line::{LinePlace, Piece};

@@ -3,7 +3,7 @@
 use super::audit::Auditor;
 use super::combined_light::CombinedIllumination;
 use super::even::{EvenPatch, EvenSampler, Next};
-use super::heights::{Heights, Limits, Uneven};
+use super::heights::{Features, Heights, Limits, Uneven};
 use super::light::LitLine;
 use super::line::{LinePlace, MOST_PIECES, NARROWEST, Piece, Source, incline};
 use super::patch_places::PatchPlaces;
@@ -250,9 +250,11 @@ impl<'a> LineSampler<'a> {
     fn go_on(&self, cancel: &Cancel, work: &mut Work, of: &PatchPlaces) -> Result<()> {
         loop {
             let [few, crowded] = work.next();
-            work.begun.lines.extend(few.into_iter().filter_map(|at| self.patch_of_lines(at, of)));
+            work.begun.lines.extend(few.into_iter().filter_map(|(beamlet, row)| {
+                Some(self.patch_of_lines((beamlet, row), of.features_of_few(beamlet, row)?))
+            }));
             work.begun.even.extend(crowded.into_iter().filter_map(|(beamlet, row)| {
-                let bodies = of.at(beamlet, row)?.bodies;
+                let bodies = of.bodies(beamlet, row)?;
                 Some(self.even.begin(beamlet, row, self.openings_of(beamlet), bodies))
             }));
             self.begin_lines(cancel, work)?;
@@ -291,9 +293,8 @@ impl<'a> LineSampler<'a> {
     }
 
     /// A patch of lines.
-    fn patch_of_lines(&self, (beamlet, row): (i64, i64), of: &PatchPlaces) -> Option<LinePatch> {
-        let heights = Heights::new(&of.at(beamlet, row)?.features, self.limits);
-        Some(LinePatch::new(beamlet, row, heights))
+    fn patch_of_lines(&self, (beamlet, row): (i64, i64), features: &Features) -> LinePatch {
+        LinePatch::new(beamlet, row, Heights::new(features, self.limits))
     }
 
     /// Lights the lines that want no rays, and patches take them.
@@ -349,15 +350,20 @@ impl<'a> LineSampler<'a> {
             let next = self.even.take(&mut patch, results, openings);
             (patch, next)
         });
+        let mut of_lines = Vec::new();
         for (patch, next) in judged.collect::<Vec<_>>() {
             match next {
                 Next::Done => work.done.even.push(patch),
-                Next::Lines => {
-                    let at = (patch.beamlet, patch.row);
-                    work.begun.lines.extend(self.patch_of_lines(at, of));
-                }
+                Next::Lines => of_lines.push((patch.beamlet, patch.row)),
                 Next::Rays { .. } => work.begun.even.push(patch),
             }
+        }
+        if !of_lines.is_empty() {
+            let features = of.features_of_many(self.view, &of_lines);
+            let patches = of_lines.into_iter().zip(&features);
+            work.begun
+                .lines
+                .extend(patches.map(|(at, features)| self.patch_of_lines(at, features)));
         }
         results
     }

@@ -160,6 +160,16 @@ impl Lattice {
         [x * self.plane / distance, self.detector.row_at(z, distance)]
     }
 
+    /// Row coordinate of rays of a slope along z.
+    pub(crate) fn row_of_slope(&self, slope: f64) -> f64 {
+        self.detector.row_at(slope, 1.0)
+    }
+
+    /// Distance from source to rotation centre, m.
+    pub(crate) const fn source(&self) -> f64 {
+        self.rotation
+    }
+
     /// Standard deviation of the blur over rows, rows.
     pub(crate) const fn row_blur(&self) -> f64 {
         self.row_spread.blur

@@ -44,6 +44,8 @@ pub(crate) struct SampleFacets {
     tensors: Vec<DMat3>,
     /// Trees over the facets.
     pub(crate) tree: FacetTree,
+    /// Triangles across the edges of each triangle of the sample.
+    pub(crate) across: Vec<[u32; 3]>,
 }
 
 impl SampleFacets {
@@ -54,6 +56,7 @@ impl SampleFacets {
         sample: &Sample,
         media: &MaterialTable,
         bvh: &Bvh,
+        across: Vec<[u32; 3]>,
     ) -> Self {
         let mean = media.mean();
         let step_of = |hash: u32, object: u32, around: Option<u32>| {
@@ -96,7 +99,7 @@ impl SampleFacets {
             axis.map_or(DMat3::IDENTITY, |axis| axis.tensor()) * constants.scattering
         };
         let tensors = media.axes.iter().zip(&mean).map(tensor).collect();
-        Self { is_exact, steps, between, tensors, tree }
+        Self { is_exact, steps, between, tensors, tree, across }
     }
 
     /// Scattering inside a surface less outside of it, in direction of a vector in the frame of the sample, times its

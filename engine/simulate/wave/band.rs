@@ -105,12 +105,12 @@ impl WaveBand {
         let values = self.lines.values();
         let stride = self.lines.plan.most_pixels as usize;
         let flat = &self.flats[&view.list].beamlets[index * values..][..values];
-        let reach = view.lattice.blur_rows;
+        let reach = view.image.lattice.blur_rows;
         for (row, down) in (-reach..=reach).map(|down| (patch.row + down - self.first_row, down)) {
             let Some(row) = usize::try_from(row).ok().filter(|row| *row < rows) else { continue };
-            let weights = patch
-                .heights
-                .weights(|ends| view.lattice.linear_in_row(ends, self.lines.plan.row_shift, down));
+            let weights = patch.heights.weights(|ends| {
+                view.image.lattice.linear_in_row(ends, self.lines.plan.row_shift, down)
+            });
             for (line, share) in patch.heights.light().zip(weights) {
                 for step in 0..steps {
                     let from = (step * rows + row) * columns + first as usize;

@@ -39,6 +39,12 @@ pub(super) fn lattice(
     lattice.in_groups(pixels_of_beamlet(optics, energies, tolerance))
 }
 
+/// Width of fringes √(λz) behind the sample at the lowest of some energies, m.
+pub(super) fn fringe(optics: &Optics, energies: &[f64]) -> f64 {
+    let lowest = energies.iter().copied().fold(f64::INFINITY, f64::min);
+    (wavelength(lowest) * Distances::of(optics).sample).sqrt()
+}
+
 /// Refuses scenes without a sample mask whose light does not add up from lines along x.
 pub(super) fn refuse(scene: &Scene, optics: &Optics) -> Result<()> {
     let wave = |found: String, allowed: &str| {
@@ -48,8 +54,7 @@ pub(super) fn refuse(scene: &Scene, optics: &Optics) -> Result<()> {
     if optics.spot.narrowest(0) <= 0.0 {
         return wave("a focal spot without width along x".into(), "a focal spot with a width");
     }
-    let lowest = spectrum::nodes(scene)?.energies.into_iter().fold(f64::INFINITY, f64::min);
-    let fringe = (wavelength(lowest) * Distances::of(optics).sample).sqrt();
+    let fringe = fringe(optics, &spectrum::nodes(scene)?.energies);
     let height = scene.detector.pitch[1] * optics.cell_plane / scene.detector.distance;
     if height < ROW * fringe {
         let found = format!("pixels {:.1} um high at the sample", 1e6 * height);

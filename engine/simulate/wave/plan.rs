@@ -66,6 +66,8 @@ pub(crate) struct WavePlans {
     pub(super) finer: Arc<WavePlan>,
     /// Lines without rays.
     pub(super) flat: Arc<WavePlan>,
+    /// Width of fringes √(λz) at the lowest energy, m.
+    pub(crate) fringe: f64,
 }
 
 impl WavePlans {
@@ -91,7 +93,8 @@ impl WavePlans {
         let rays = plan(spacing, Kind::Rays)?;
         let finer = plan(0.5 * spacing, Kind::Rays)?;
         let flat = plan(spacing, Kind::Flat)?;
-        Ok(Self { lattice, rays, finer, flat })
+        let fringe = inline::fringe(optics, &media.energies);
+        Ok(Self { lattice, rays, finer, flat, fringe })
     }
 }
 

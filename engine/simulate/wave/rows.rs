@@ -3,8 +3,8 @@
 use super::band::WaveBand;
 use super::cells::CellPlaces;
 use super::lines::Patch;
-use crate::lines::{Features, Heights, LEAST_OF_RAYS, Limits, LinePlace, Uneven};
-use crate::sampling::{CellBatch, Lattice, ProjectedBounds, SAFETY};
+use crate::lines::{Features, Heights, LEAST_OF_RAYS, Limits, LinePlace, SampleImage, Uneven};
+use crate::sampling::{CellBatch, ProjectedBounds, SAFETY};
 use crate::trace::Tracer;
 use beamlet_core::tally::Tally;
 use beamlet_core::{Result, numbers};
@@ -23,8 +23,8 @@ const PER_CHANGE: f64 = 1.25;
 /// Pose of a sample at a list of mask offsets.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct WaveView<'a> {
-    /// Lattice of the beamlets.
-    pub lattice: &'a Lattice,
+    /// Sample in the image from the source, with the lattice of the beamlets.
+    pub image: &'a SampleImage<'a>,
     /// Shadows of its components.
     pub shadows: &'a [ProjectedBounds],
     /// Index of the pose among the poses of all views.
@@ -88,7 +88,7 @@ impl WaveBand {
                 let errors = [patch.heights.error(), change];
                 let of_patch =
                     tally_of(patch, errors, at.counts_for, self.lines.plan.rays, view.tolerance);
-                let of_rays = view.cells.add(&mut cells, view.lattice, patch);
+                let of_rays = view.cells.add(&mut cells, view.image.lattice, patch);
                 let grazing_light = numbers::whole((of_rays * 1e9).round());
                 tally = tally + Tally { grazing_light, ..of_patch };
             }
@@ -101,17 +101,27 @@ impl WaveBand {
     fn touched(&self, view: &WaveView<'_>, rows: &Range<i64>) -> Vec<Touched> {
         let mut found: BTreeMap<i64, BTreeMap<i64, Features>> = BTreeMap::new();
         let all = &self.lines.plan.beamlets;
-        for shadow in view.shadows {
-            let [own, beamlets] = shadow.patches(view.lattice);
+        let mut is_selected = vec![false; view.shadows.len()];
+        for (shadow, is_selected) in view.shadows.iter().zip(&mut is_selected) {
+            let [own, beamlets] = shadow.patches(view.image.lattice);
             // Lines reach over the borders of their beamlet.
             let near = (beamlets.start - 1).max(all.start)..(beamlets.end + 1).min(all.end);
             for row in own.start.max(rows.start)..own.end.min(rows.end) {
                 let of_row = found.entry(row).or_default();
                 for beamlet in near.clone() {
-                    of_row.entry(beamlet).or_default().add(shadow, row);
+                    let features = of_row.entry(beamlet).or_default();
+                    features.add_body(shadow, row);
+                    *is_selected |= features.varies;
                 }
             }
         }
+        let of = |beamlet: i64, row: i64| found.get(&row).and_then(|of_row| of_row.get(&beamlet));
+        let is_wanted = |beamlet, row| of(beamlet, row).is_some_and(|it| it.varies);
+        for it in view.image.changes(rows.clone(), &is_selected, &is_wanted) {
+            let features = found.get_mut(&it.row).and_then(|of_row| of_row.get_mut(&it.beamlet));
+            features.into_iter().for_each(|features| features.add(it.change, it.row));
+        }
+        found.values_mut().flat_map(BTreeMap::values_mut).for_each(Features::join_creases);
         found.into_iter().flat_map(|(row, of_row)| in_row(row, of_row)).collect()
     }
 
@@ -128,7 +138,7 @@ impl WaveBand {
         let line = |at: &usize| patches[*at].line(patches[*at].heights.middle().0);
         let lines: Vec<LinePlace> = chosen.iter().map(line).collect();
         let index = [view.pose, numbers::count(view.list)];
-        let all = self.finer.light(tracer, view.lattice, &lines, index)?;
+        let all = self.finer.light(tracer, view.image.lattice, &lines, index)?;
         let mut errors = vec![0.0; touched.len()];
         for (at, finer) in chosen.iter().zip(all) {
             let (_, own) = patches[*at].heights.middle();
@@ -156,7 +166,7 @@ impl WaveBand {
             if lines.is_empty() {
                 return Ok(());
             }
-            let light = self.lines.light(tracer, view.lattice, &lines, index)?;
+            let light = self.lines.light(tracer, view.image.lattice, &lines, index)?;
             for (patch, own) in patches.iter_mut().zip(wanted).filter(|(_, own)| !own.is_empty()) {
                 let line = |place: &LinePlace| Some(light[place.index(&lines)?].clone());
                 patch.heights.add(own.iter().filter_map(line));

@@ -1,6 +1,7 @@
 //! A patch of evenly spread rays: their places, and the order in which they are traced.
 
 use super::columns::part;
+use crate::sampling::ProjectedBounds;
 use beamlet_core::numbers::{self, single};
 use beamlet_core::random::GOLDEN;
 use beamlet_interface::{BUNDLE_LANES, RAYS_PER_LANE, Ray, RayResult};
@@ -129,6 +130,15 @@ pub(in crate::lines) struct Bodies {
     pub narrowest: f64,
     /// Height of the lowest, rows.
     pub lowest: f64,
+}
+
+impl Bodies {
+    /// Adds a body whose shadow falls on the patch.
+    pub(in crate::lines) fn add(&mut self, shadow: &ProjectedBounds) {
+        self.count += 1;
+        self.narrowest = self.narrowest.min(shadow.width);
+        self.lowest = self.lowest.min(shadow.height);
+    }
 }
 
 impl Default for Bodies {

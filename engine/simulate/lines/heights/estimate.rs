@@ -11,11 +11,6 @@ const PER_LARGER: f64 = 0.25;
 /// with 1/4 light that changes evenly takes more lines
 /// (`light_that_changes_evenly_takes_few_lines_and_fills_windows_exactly`).
 const PER_SLOPE: f64 = 1.0 / 6.0;
-/// Part of its light that an interval may hide where light jumps in it: while an edge nearly along x crosses an
-/// aperture, light may be anywhere (`light_of_edges_that_cross_an_aperture_within_little_height_is_found`).
-const HIDDEN: f64 = 0.5;
-/// Slope of light beside a jump over that of the jump, at most.
-const BESIDE_JUMP: f64 = 0.25;
 /// Square of the bend of independent lines, of the worst of many values, over the square of their error: the second
 /// difference has a standard deviation of 0.29·√6 of it, and the largest of some dozens of values is 2.5 deviations off.
 const NOISE: f64 = 3.2;
@@ -25,8 +20,6 @@ const NOISE: f64 = 3.2;
 pub(super) struct Estimate {
     /// Error that the bends of its light show.
     bends: f64,
-    /// Error by light that a jump may hide, for halving alone; 0 where light does not jump.
-    pub(super) hidden: f64,
     /// Error by light that may cross a border of the row between two lines whose rays cross other surfaces, for halving
     /// alone.
     pub(super) hidden_crossing: f64,
@@ -49,6 +42,8 @@ struct Rise<'a> {
     farthest: f64,
     /// Rays of the two lines cross other surfaces.
     is_broken: bool,
+    /// Upper end, rows below the upper border.
+    top: f64,
     /// Height of the interval, rows.
     height: f64,
 }
@@ -75,6 +70,12 @@ impl Rise<'_> {
         self.values[kind].map(|it| it.at(place))
     }
 
+    /// True if one of some heights, in their order, lies in it.
+    fn within(&self, heights: &[f64]) -> bool {
+        let first = heights.partition_point(|z| *z <= self.top);
+        heights.get(first).is_some_and(|z| *z < self.top + self.height)
+    }
+
     /// Most light of a window at either end.
     fn most_light(&self) -> f32 {
         self.values[0].into_iter().flat_map(|it| it.values).fold(0.0, |most, it| most.max(*it))
@@ -96,11 +97,17 @@ impl<L: Judged + Clone> Heights<L> {
         let above = at.checked_sub(1).and_then(beside).and_then(|at| self.rise(at));
         let below = beside(at + 1).and_then(|at| self.rise(at));
         let rises = || above.iter().chain([&own]).chain(&below);
-        let (mut worst, mut most, mut change, mut is_jump) = (0.0_f64, 0.0_f64, 0.0_f64, false);
+        // Light changes at heights that no line has: as much as it changes from line to line.
+        let is_scattered = own.within(&self.left);
+        let (mut worst, mut most, mut change) = (0.0_f64, 0.0_f64, 0.0_f64);
         for kind in 0..own.values.len() {
             for place in places(rises().flat_map(|it| it.values[kind])) {
                 let value = Value { kind, place };
                 let slope = own.slope(value);
+                if is_scattered {
+                    let scatter = |it: &Rise<'_>| it.slope(value).abs() * it.height / own.height;
+                    worst = rises().map(scatter).fold(worst, f64::max);
+                }
                 let bend = |beside: &Rise<'_>| (beside.slope(value) - slope).abs();
                 worst = worst.max(match (&above, &below) {
                     (Some(a), Some(b)) => {
@@ -112,18 +119,25 @@ impl<L: Judged + Clone> Heights<L> {
                 });
                 change = change.max(slope.abs() * own.height);
                 most = own.ends(value).into_iter().fold(most, f64::max);
-                let is_level =
-                    |it: &Rise<'_>| it.slope(value) * slope < BESIDE_JUMP * slope * slope;
-                is_jump |= slope.abs() * own.height > self.limits.error
-                    && above.iter().chain(&below).all(is_level);
             }
         }
-        let hides = is_jump && own.height > LEAST_OF_RAYS.max(2.5 * self.limits.least);
         let uneven = self.limits.uneven.error(own.height) * change;
         let bends = (PER_JUMP * own.height * own.height * worst).hypot(uneven);
-        let hidden = if hides { PER_JUMP * own.height * HIDDEN * most } else { 0.0 };
+        let bends = bends.max(most * self.error_of_creases(at));
         let crossing = self.crossing(at, &own, [above, below]);
-        Estimate { bends: bends.hypot(crossing.error), hidden, hidden_crossing: crossing.hidden }
+        Estimate { bends: bends.hypot(crossing.error), hidden_crossing: crossing.hidden }
+    }
+
+    /// Error of the interval below a line by the creases within, over its light: each bends light at one place, and they
+    /// count as independent.
+    fn error_of_creases(&self, at: usize) -> f64 {
+        let [low, high] = [self.lines[at].z, self.lines[at + 1].z];
+        let first = self.creases.partition_point(|it| it.z <= low);
+        let within = self.creases[first..].iter().take_while(|it| it.z < high);
+        within
+            .map(|it| (0.5 * it.weight * (it.z - low) * (high - it.z)).powi(2))
+            .sum::<f64>()
+            .sqrt()
     }
 
     /// Errors of light that displacement takes over the borders of the row: where the displaced light of an interval
@@ -194,6 +208,7 @@ impl<L: Judged + Clone> Heights<L> {
             values: if self.light_alone { &[] } else { it.displaced },
         });
         let values = [ends.map(|it| it.values), displaced];
-        Some(Rise { values, moved, farthest, is_broken, height: self.height(at) })
+        let top = self.lines[at].z;
+        Some(Rise { values, moved, farthest, is_broken, top, height: self.height(at) })
     }
 }

@@ -1,85 +1,110 @@
 //! Features of a row that are known before its first line.
 
-use super::LEAST_OF_RAYS;
+use crate::lines::critical::Change;
 use crate::sampling::ProjectedBounds;
 
-/// Most height of the end of a body that counts as a jump, rows: its light is linear there, or halved as any other.
+/// Most height of a jump, rows: light over a higher one is linear, or halved as any other.
 const FLAT: f64 = 1.0 / 32.0;
-/// Most flat ends in a row with lines of their own, or jumps that may hide light: light that jumps more often swings, and
-/// its bends tell its error.
-pub(super) const MOST_JUMPS: usize = 4;
+/// Bins of a row in which bends of creases add.
+const BINS: usize = 64;
+/// Most facets of a chain of steep ones whose ends count each.
+const MOST_OF_CHAIN: usize = 8;
 
-/// Bodies of a beamlet and row, before its first line.
-#[derive(Debug, Clone)]
+/// What changes the light of a beamlet and row along z, before its first line. Places are rows below the upper border.
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Features {
-    /// Height of intervals that hides no body, rows; infinite where light is the same at all heights.
-    pub height: f64,
-    /// Flat ends of bodies: ranges of z, rows below the upper border.
-    pub(super) ends: Vec<[f64; 2]>,
-    /// Ends and middles of ends of bodies that are not flat, rows below the upper border: light may be deflected there
-    /// alone.
-    pub(super) lids: Vec<f64>,
-    /// True if surfaces are rough: light differs from line to line, whatever edges there are.
+    /// Light may differ from height to height.
+    pub varies: bool,
+    /// Surfaces are rough: light differs from line to line, whatever edges there are.
     pub rough: bool,
+    /// Heights at which surfaces begin, end, join or part.
+    pub(super) critical: Vec<f64>,
+    /// Ranges over which steep facets let light jump.
+    pub(super) jumps: Vec<[f64; 2]>,
+    pub(super) creases: Vec<Crease>,
+}
+
+/// Place at which light bends.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Crease {
+    pub z: f64,
+    /// Change of the slope of light, per row, over the light of the beamlet.
+    pub weight: f64,
 }
 
 impl Features {
     /// Adds a body whose shadow falls on a row.
-    pub(crate) fn add(&mut self, shadow: &ProjectedBounds, row: i64) {
+    pub(crate) fn add_body(&mut self, shadow: &ProjectedBounds, row: i64) {
         // Upright bodies are the same at all heights, unless they are rough.
-        if shadow.throws(row) || shadow.rough {
-            self.height = self.height.min(shadow.height);
-        }
+        self.varies |= shadow.throws(row) || shadow.rough;
         self.rough |= shadow.rough;
-        for lid in shadow.lids {
-            self.add_end(lid.map(|z| z - row as f64));
+    }
+
+    /// Adds a change of light in a row.
+    pub(crate) fn add(&mut self, change: Change, row: i64) {
+        let row = row as f64;
+        match change {
+            Change::Critical(z) => self.critical.push(z - row),
+            Change::Jump(ends) => self.jumps.push(ends.map(|z| z - row)),
+            Change::Crease { row: z, weight } => {
+                self.creases.push(Crease { z: z - row, weight });
+                if self.creases.len() > 4 * BINS {
+                    self.join_creases();
+                }
+            }
         }
     }
 
-    /// Adds a range of z over which a body ends, rows below the upper border, if it is flat and near the row.
-    pub(super) fn add_end(&mut self, [low, high]: [f64; 2]) {
-        let is_flat = low <= high && high - low <= FLAT;
-        if !is_flat && high - low < 1.0 {
-            let heights = [low, f64::midpoint(low, high), high];
-            self.lids.extend(
-                heights.into_iter().filter(|z| *z > LEAST_OF_RAYS && *z < 1.0 - LEAST_OF_RAYS),
-            );
-        }
-        if is_flat && low < 1.0 + FLAT && high > -FLAT {
-            self.ends.push([low, high]);
-        }
+    /// Adds creases in one bin of the row.
+    pub(crate) fn join_creases(&mut self) {
+        let bin = |it: &Crease| (it.z * BINS as f64).floor();
+        self.creases.sort_by(|a, b| a.z.total_cmp(&b.z).then(a.weight.total_cmp(&b.weight)));
+        let bins = self.creases.chunk_by(|a, b| bin(a) == bin(b));
+        let sum = |of: &[Crease]| {
+            let weight: f64 = of.iter().map(|it| it.weight).sum();
+            Crease { z: of.iter().map(|it| it.weight * it.z).sum::<f64>() / weight, weight }
+        };
+        self.creases = bins.map(sum).collect();
     }
 }
 
-impl Default for Features {
-    /// No body that ends or leans.
-    fn default() -> Self {
-        Self { height: f64::INFINITY, ends: Vec::new(), lids: Vec::new(), rough: false }
-    }
+/// Jumps of light within a row.
+#[derive(Debug, Default)]
+pub(super) struct Jumps {
+    /// Heights of the two lines at each jump.
+    pub pairs: Vec<[f64; 2]>,
+    /// Ends of ranges that are too high for a jump, and of facets within.
+    pub ends: Vec<f64>,
 }
 
-/// Heights of the two lines at each jump of light within a row; none if there are too many. Both borders of an end that
-/// is higher than `thin`, rows, are jumps: all light between them may be deflected.
-pub(super) fn jumps(ends: &[[f64; 2]], least: f64, thin: f64) -> Vec<[f64; 2]> {
-    let near = |[low, high]: &[f64; 2]| *low < 1.0 + least && *high > -least;
-    let ranges = ends.iter().filter(|range| near(range));
-    let mut ranges: Vec<[f64; 2]> = ranges.map(|[low, high]| [low - least, high + least]).collect();
-    ranges.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
-    let mut joined: Vec<[f64; 2]> = Vec::new();
-    for range in ranges {
-        match joined.last_mut().filter(|last| range[0] <= last[1]) {
-            Some(last) => last[1] = last[1].max(range[1]),
-            None => joined.push(range),
+impl Jumps {
+    /// Jumps of some ranges of z, of which those that touch are one. Both ends of a jump that is higher than `thin`, rows,
+    /// are jumps: all light between them may be deflected.
+    pub(super) fn new(ranges: &[[f64; 2]], least: f64, thin: f64) -> Self {
+        let near = |[low, high]: &&[f64; 2]| *low < 1.0 + least && *high > -least;
+        let mut ranges: Vec<[f64; 2]> = ranges.iter().filter(near).copied().collect();
+        ranges.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
+        let mut jumps = Self::default();
+        let mut at = 0;
+        while at < ranges.len() {
+            let [low, mut high] = ranges[at];
+            let first = at;
+            while at < ranges.len() && ranges[at][0] - least <= high + least {
+                high = high.max(ranges[at][1]);
+                at += 1;
+            }
+            let [below, above] = [low - least, high + least];
+            if high - low > FLAT {
+                jumps.ends.extend([low, high]);
+            } else if high - low < thin + 2.0 * least {
+                jumps.pairs.push([below, above]);
+            } else {
+                jumps.pairs.extend([[below, below + 2.0 * least], [above - 2.0 * least, above]]);
+            }
+            if at - first <= MOST_OF_CHAIN {
+                jumps.ends.extend(ranges[first..at].iter().flatten());
+            }
         }
+        jumps
     }
-    joined.retain(|[low, high]| high - low <= FLAT + 2.0 * least);
-    if joined.len() > MOST_JUMPS {
-        return Vec::new();
-    }
-    let of_end = |[low, high]: [f64; 2]| {
-        let is_one = high - low < thin + 4.0 * least;
-        let parts = [[low, low + 2.0 * least], [high - 2.0 * least, high]];
-        if is_one { vec![[low, high]] } else { parts.to_vec() }
-    };
-    joined.into_iter().flat_map(of_end).collect()
 }

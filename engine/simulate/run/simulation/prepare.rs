@@ -257,8 +257,10 @@ fn build(
     media: MaterialTable,
     ray_query: bool,
 ) -> Result<Built> {
-    let bvh = Bvh::build(&sample, &geometry::across_edges(&sample), scene.displacement())?;
-    let facets = sampling::SampleFacets::new(scene.sampling.transport, &sample, &media, &bvh);
+    let across = geometry::across_edges(&sample);
+    let bvh = Bvh::build(&sample, &across, scene.displacement())?;
+    let facets =
+        sampling::SampleFacets::new(scene.sampling.transport, &sample, &media, &bvh, across);
     let on_device = DeviceSample::with_bvh(device, scene, &sample, bvh, &media, ray_query)?;
     Ok(Built { sample, media, facets, on_device })
 }

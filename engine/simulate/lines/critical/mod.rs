@@ -1,0 +1,200 @@
+//! Heights at which light may change between two lines of a patch, from the geometry of the sample, before the first line.
+//!
+//! In the image from the source (x in the cell plane, row coordinate) the section of a surface by the plane of a line
+//! changes its topology at *critical* heights alone: corners at which the row coordinate has an extremum or a saddle, and
+//! places where an outline crosses a border of what counts of a beamlet. Steep facets let light jump over their height,
+//! and creases bend it.
+//!
+//! - `mesh`: corners, crossings, steep facets and creases of meshes.
+//! - `shape`: exact shapes, in closed form.
+
+mod mesh;
+mod shape;
+
+use crate::sampling::{Lattice, SurfaceStep, ViewContext};
+use beamlet_core::numbers;
+use beamlet_geometry::Sample;
+use beamlet_model::scene::Motion;
+use glam::DVec3;
+use mesh::MeshImage;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Distance from a border of a row within which a jump counts in the row beyond it, rows: above [`super::LEAST_OF_RAYS`].
+const BESIDE: f64 = 1e-3;
+
+/// Change of light along z in a patch. Places are row coordinates.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum Change {
+    /// A surface begins, ends, joins or parts.
+    Critical(f64),
+    /// Light jumps between two heights.
+    Jump([f64; 2]),
+    /// The slope of light, per row, changes by `weight` of the light of the beamlet at most.
+    Crease { row: f64, weight: f64 },
+}
+
+/// Change of light in a patch.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct PatchChange {
+    pub beamlet: i64,
+    pub row: i64,
+    pub change: Change,
+}
+
+/// Sample in a view, and what counts of each beamlet.
+#[derive(Debug)]
+pub(crate) struct SampleImage<'a> {
+    pub sample: &'a Sample,
+    /// Triangles across the edges of each triangle of the sample.
+    pub across: &'a [[u32; 3]],
+    pub steps: &'a [SurfaceStep],
+    pub motion: Motion,
+    pub lattice: &'a Lattice,
+    /// Interval of x whose light counts, m in the cell plane, by column of the lattice.
+    pub borders: Vec<[f64; 2]>,
+    /// Error of a recorded value, share of open beam.
+    pub tolerance: f64,
+}
+
+/// Point in the image from the source.
+#[derive(Debug, Clone, Copy, Default)]
+struct ImagePoint {
+    /// In the cell plane, m.
+    x: f64,
+    /// Row coordinate.
+    row: f64,
+    /// Along the beam, m.
+    depth: f64,
+}
+
+/// Patches whose changes are collected.
+struct Patches<'a> {
+    rows: Range<i64>,
+    is_wanted: &'a (dyn Fn(i64, i64) -> bool + Sync),
+}
+
+impl<'a> SampleImage<'a> {
+    /// Of lines: what counts of a beamlet is what its openings hold, at any mask step of any design.
+    pub(super) fn of_lines(view: &ViewContext<'a>) -> Self {
+        let lattice = view.lattice;
+        let borders = lattice.beamlets.clone().map(|beamlet| {
+            let openings = view.responses.openings(lattice.column(beamlet)).widest;
+            let half = 0.5 * lattice.period;
+            let ends = openings.iter().map(|it| it.x.map(f64::from));
+            let union = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
+            union.unwrap_or([-half, half]).map(|x| lattice.centre(beamlet) + x)
+        });
+        Self {
+            sample: view.sample,
+            across: &view.facets.across,
+            steps: &view.facets.steps,
+            motion: view.motion,
+            lattice,
+            borders: borders.collect(),
+            tolerance: view.budget.tolerance,
+        }
+    }
+
+    /// Changes of light in patches (beamlet, row) of some rows, of the components that are selected.
+    pub(crate) fn changes(
+        &self,
+        rows: Range<i64>,
+        is_selected: &[bool],
+        is_wanted: &(dyn Fn(i64, i64) -> bool + Sync),
+    ) -> Vec<PatchChange> {
+        let patches = Patches { rows, is_wanted };
+        let mut all = self.changes_of_own(is_selected, &patches);
+        let placed = self.sample.placed.par_iter().filter(|it| {
+            let prototype = &self.sample.prototypes[it.prototype as usize];
+            let components = it.component as usize..;
+            components.take(prototype.components.len()).any(|component| is_selected[component])
+        });
+        let of_placed = placed.flat_map_iter(|placed| {
+            let prototype = &self.sample.prototypes[placed.prototype as usize];
+            if let Some(shape) = prototype.shape {
+                return self.changes_of_shape(shape, placed, &patches);
+            }
+            let corners = prototype.vertices.iter();
+            let corners = corners.map(|it| self.project(placed.place.world_from_own(*it)));
+            let image = MeshImage {
+                corners: corners.collect(),
+                triangles: &prototype.triangles,
+                across: &prototype.across,
+            };
+            let mu = |triangle: usize| {
+                let component = placed.component + prototype.triangle_component[triangle];
+                Some(self.steps[component as usize].mu)
+            };
+            image.changes(self, &mu, &patches)
+        });
+        all.par_extend(of_placed);
+        all
+    }
+
+    /// Changes by the triangles of the sample that no prototype has.
+    fn changes_of_own(&self, is_selected: &[bool], patches: &Patches<'_>) -> Vec<PatchChange> {
+        let sample = self.sample;
+        let is_any = sample.triangle_component.par_iter().any(|it| is_selected[*it as usize]);
+        if !is_any {
+            return Vec::new();
+        }
+        let corners = sample.vertices.par_iter().map(|it| self.project(DVec3::from_array(*it)));
+        let image = MeshImage {
+            corners: corners.collect(),
+            triangles: &sample.triangles,
+            across: self.across,
+        };
+        let mu = |triangle: usize| {
+            let component = sample.triangle_component[triangle] as usize;
+            is_selected[component].then(|| self.steps[component].mu)
+        };
+        image.changes(self, &mu, patches)
+    }
+
+    /// Image of a point of the sample.
+    fn project(&self, point: DVec3) -> ImagePoint {
+        let it = self.motion.at(point);
+        let [x, row] = self.lattice.project(it.x, it.y, it.z);
+        ImagePoint { x, row, depth: it.y }
+    }
+
+    /// Beamlets of which an interval of x counts, with their borders.
+    fn beamlets(&self, [low, high]: [f64; 2]) -> impl Iterator<Item = (i64, [f64; 2])> {
+        let half = 0.5 * self.lattice.period;
+        let beyond = |(column, ends): (i64, &[f64; 2])| {
+            let centre = self.lattice.centre(self.lattice.beamlets.start + column);
+            (centre - half - ends[0]).max(ends[1] - centre - half)
+        };
+        let columns = (0..).zip(&self.borders);
+        // Borders of all beamlets reach as far.
+        let reach = columns.take(1).map(beyond).fold(0.0, f64::max);
+        let near = self.lattice.beamlets_of([low - reach, high + reach]);
+        let with_borders = |beamlet| (beamlet, self.borders[self.lattice.column(beamlet)]);
+        near.map(with_borders).filter(move |(_, ends)| high >= ends[0] && low <= ends[1])
+    }
+
+    /// Rows per metre along z at the rotation centre.
+    fn rows_per_metre(&self) -> f64 {
+        self.lattice.project(0.0, 0.0, 0.0)[1] - self.lattice.project(0.0, 0.0, 1.0)[1]
+    }
+}
+
+impl Patches<'_> {
+    /// True if an interval of row coordinates is near the rows.
+    fn touch(&self, [low, high]: [f64; 2]) -> bool {
+        high >= self.rows.start as f64 - BESIDE && low <= self.rows.end as f64 + BESIDE
+    }
+
+    /// Adds a change of a beamlet to the patches that it falls on.
+    fn add(&self, beamlet: i64, change: Change, all: &mut Vec<PatchChange>) {
+        let ends = match change {
+            Change::Critical(row) | Change::Crease { row, .. } => [row; 2],
+            Change::Jump([low, high]) => [low - BESIDE, high + BESIDE],
+        };
+        let [first, last] = ends.map(|row| numbers::whole::<i64>(row.floor()));
+        let rows = first.max(self.rows.start)..(last + 1).min(self.rows.end);
+        let rows = rows.filter(|row| (self.is_wanted)(beamlet, *row));
+        all.extend(rows.map(|row| PatchChange { beamlet, row, change }));
+    }
+}
