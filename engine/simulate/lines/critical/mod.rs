@@ -11,7 +11,7 @@
 mod mesh;
 mod shape;
 
-use crate::sampling::{Lattice, SurfaceStep, ViewContext};
+use crate::sampling::{Lattice, Opening, SampleFacets, ViewContext};
 use beamlet_core::numbers;
 use beamlet_geometry::Sample;
 use beamlet_model::scene::Motion;
@@ -45,16 +45,16 @@ pub(crate) struct PatchChange {
 /// Sample in a view, and what counts of each beamlet.
 #[derive(Debug)]
 pub(crate) struct SampleImage<'a> {
-    pub sample: &'a Sample,
-    /// Triangles across the edges of each triangle of the sample.
-    pub across: &'a [[u32; 3]],
-    pub steps: &'a [SurfaceStep],
-    pub motion: Motion,
+    sample: &'a Sample,
+    facets: &'a SampleFacets,
+    motion: Motion,
     pub lattice: &'a Lattice,
     /// Interval of x whose light counts, m in the cell plane, by column of the lattice.
-    pub borders: Vec<[f64; 2]>,
+    borders: Vec<[f64; 2]>,
+    /// How far these reach beyond the period of a beamlet, m.
+    reach: f64,
     /// Error of a recorded value, share of open beam.
-    pub tolerance: f64,
+    tolerance: f64,
 }
 
 /// Point in the image from the source.
@@ -78,22 +78,41 @@ impl<'a> SampleImage<'a> {
     /// Of lines: what counts of a beamlet is what its openings hold, at any mask step of any design.
     pub(super) fn of_lines(view: &ViewContext<'a>) -> Self {
         let lattice = view.lattice;
-        let borders = lattice.beamlets.clone().map(|beamlet| {
-            let openings = view.responses.openings(lattice.column(beamlet)).widest;
-            let half = 0.5 * lattice.period;
+        let openings = |beamlet| view.responses.openings(lattice.column(beamlet)).widest;
+        Self::new(view.sample, view.facets, view.motion, lattice, view.budget.tolerance)
+            .with_borders(openings, 0.0)
+    }
+
+    /// What counts of a beamlet is all of it.
+    pub(crate) fn new(
+        sample: &'a Sample,
+        facets: &'a SampleFacets,
+        motion: Motion,
+        lattice: &'a Lattice,
+        tolerance: f64,
+    ) -> Self {
+        let whole =
+            Self { sample, facets, motion, lattice, borders: Vec::new(), reach: 0.0, tolerance };
+        whole.with_borders(|_| Vec::new(), 0.0)
+    }
+
+    /// What counts of a beamlet is what its openings hold, all of it where there are none, and a width beyond, m.
+    pub(crate) fn with_borders(
+        mut self,
+        openings: impl Fn(i64) -> Vec<Opening>,
+        beyond: f64,
+    ) -> Self {
+        let half = 0.5 * self.lattice.period;
+        let borders = self.lattice.beamlets.clone().map(|beamlet| {
+            let openings = openings(beamlet);
             let ends = openings.iter().map(|it| it.x.map(f64::from));
             let union = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-            union.unwrap_or([-half, half]).map(|x| lattice.centre(beamlet) + x)
+            let [low, high] = union.unwrap_or([-half, half]);
+            [low - beyond, high + beyond].map(|x| self.lattice.centre(beamlet) + x)
         });
-        Self {
-            sample: view.sample,
-            across: &view.facets.across,
-            steps: &view.facets.steps,
-            motion: view.motion,
-            lattice,
-            borders: borders.collect(),
-            tolerance: view.budget.tolerance,
-        }
+        self.borders = borders.collect();
+        self.reach = beyond;
+        self
     }
 
     /// Changes of light in patches (beamlet, row) of some rows, of the components that are selected.
@@ -124,7 +143,7 @@ impl<'a> SampleImage<'a> {
             };
             let mu = |triangle: usize| {
                 let component = placed.component + prototype.triangle_component[triangle];
-                Some(self.steps[component as usize].mu)
+                Some(self.facets.steps[component as usize].mu)
             };
             image.changes(self, &mu, &patches)
         });
@@ -143,11 +162,11 @@ impl<'a> SampleImage<'a> {
         let image = MeshImage {
             corners: corners.collect(),
             triangles: &sample.triangles,
-            across: self.across,
+            across: &self.facets.across,
         };
         let mu = |triangle: usize| {
             let component = sample.triangle_component[triangle] as usize;
-            is_selected[component].then(|| self.steps[component].mu)
+            is_selected[component].then(|| self.facets.steps[component].mu)
         };
         image.changes(self, &mu, patches)
     }
@@ -161,14 +180,7 @@ impl<'a> SampleImage<'a> {
 
     /// Beamlets of which an interval of x counts, with their borders.
     fn beamlets(&self, [low, high]: [f64; 2]) -> impl Iterator<Item = (i64, [f64; 2])> {
-        let half = 0.5 * self.lattice.period;
-        let beyond = |(column, ends): (i64, &[f64; 2])| {
-            let centre = self.lattice.centre(self.lattice.beamlets.start + column);
-            (centre - half - ends[0]).max(ends[1] - centre - half)
-        };
-        let columns = (0..).zip(&self.borders);
-        // Borders of all beamlets reach as far.
-        let reach = columns.take(1).map(beyond).fold(0.0, f64::max);
+        let reach = self.reach;
         let near = self.lattice.beamlets_of([low - reach, high + reach]);
         let with_borders = |beamlet| (beamlet, self.borders[self.lattice.column(beamlet)]);
         near.map(with_borders).filter(move |(_, ends)| high >= ends[0] && low <= ends[1])

@@ -67,26 +67,14 @@ impl<'s> Waves<'s> {
         let (simulation, lattice) = (self.simulation, &self.plans.lattice);
         let response = simulation.response(pose.view);
         let has_mask = simulation.detector.optics().sample_mask.is_some();
-        let borders = lattice.beamlets.clone().map(|beamlet| {
-            let (centre, half) = (lattice.centre(beamlet), 0.5 * lattice.period);
-            let openings = match has_mask && simulation.lattice.beamlets.contains(&beamlet) {
-                true => response.openings(simulation.lattice.column(beamlet)),
-                false => Vec::new(),
-            };
-            let ends = openings.iter().map(|it| it.x.map(f64::from));
-            let union = ends.reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])]);
-            let [low, high] = union.unwrap_or([-half, half]);
-            [centre + low - self.plans.fringe, centre + high + self.plans.fringe]
-        });
-        SampleImage {
-            sample: &simulation.sample,
-            across: &simulation.facets.across,
-            steps: &simulation.facets.steps,
-            motion: simulation.scene.pose(pose.index as usize, simulation.scene.detector.pitch[0]),
-            lattice,
-            borders: borders.collect(),
-            tolerance: simulation.budget.tolerance,
-        }
+        let openings = |beamlet| match has_mask && simulation.lattice.beamlets.contains(&beamlet) {
+            true => response.openings(simulation.lattice.column(beamlet)),
+            false => Vec::new(),
+        };
+        let motion = simulation.scene.pose(pose.index as usize, simulation.scene.detector.pitch[0]);
+        let tolerance = simulation.budget.tolerance;
+        SampleImage::new(&simulation.sample, &simulation.facets, motion, lattice, tolerance)
+            .with_borders(openings, self.plans.fringe)
     }
 
     fn add_rows(&mut self, pose: &Pose, rows: &Range<i64>) -> Result<Tally> {
