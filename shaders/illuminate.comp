@@ -9,6 +9,7 @@ layout(local_size_x = GROUP) in;
 #include "interface/IlluminatePush.glsl"
 
 #include "physics/gauss.glsl"
+#include "physics/absorption.glsl"
 #include "random/hash.glsl"
 #include "light/sum.glsl"
 #include "light/mask.glsl"

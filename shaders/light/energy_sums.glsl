@@ -120,7 +120,9 @@ bool joins(inout Joining joining, vec2 ends, Sums sums, vec3 limits) {
     joining.range = range;
     joining.x = line;
     add_piece(joining.light, place, sums.light.xz);
-    add_sums(joining.sums, sums, place.y - place.x);
+    // Light of the cell over that in its middle.
+    float mean = sums.light.x > 0.0 && sums.light.z > 0.0 ? mean_passed(0.0, log(sums.light.x / sums.light.z)) : 1.0;
+    add_sums(joining.sums, sums, mean * (place.y - place.x));
     return true;
 }
 
@@ -142,7 +144,7 @@ Sums joined(Joining joining) {
     vec2 ends = vec2(middle);
     if (least > 0.0 && max(light.x, light.y) <= 2.0 * least) {
         float fall = log(light.y / light.x);
-        ends = light * middle / (sqrt(light.x * light.y) * (1.0 + fall * fall / 24.0));
+        ends = light * middle / (sqrt(light.x * light.y) * mean_passed(0.0, fall));
     }
     float off = mean - 0.5 * (x.x + x.y) - rise * (ends.y - ends.x) / (12.0 * middle);
     one.light.xz = ends;

@@ -8,6 +8,7 @@ layout(local_size_x = GROUP) in;
 #include "interface/GatherPush.glsl"
 
 #include "physics/gauss.glsl"
+#include "physics/absorption.glsl"
 #include "light/energy_sums.glsl"
 
 // Bend of the logarithm of light over a whole beamlet that parts energies.
@@ -68,9 +69,8 @@ void set_along_z(inout Cell cell, Cell traced, float refraction, float depth) {
 
 // Adds a cell to the light of a cell row and to the reach of its light.
 void add_to_row(inout CellRow row, Cell cell) {
-    float change = cell.depth_high - cell.depth_low;
     float width = cell.x_high - cell.x_low;
-    row.light += width * exp(-0.5 * (cell.depth_low + cell.depth_high)) * (1.0 + change * change / 24.0);
+    row.light += width * mean_passed(0.5 * (cell.depth_low + cell.depth_high), cell.depth_high - cell.depth_low);
     float low = min(cell.displacement_low, cell.displacement_high);
     float high = max(cell.displacement_low, cell.displacement_high);
     row.low_landing = min(row.low_landing, low - cell.pixel_shift);

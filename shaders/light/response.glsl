@@ -166,8 +166,8 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
     float depth_change = depth_slope * width;
     float level = 1.0 + tilt * middle;
     Piece piece;
-    piece.amount = transmission * exp(-(cell.depth_low + depth_slope * from_low)) * width
-        * (1.0 + depth_change * depth_change / 24.0) * light.weight * (cell_row.bottom - cell_row.top);
+    piece.amount = transmission * mean_passed(cell.depth_low + depth_slope * from_low, depth_change) * width
+        * light.weight * (cell_row.bottom - cell_row.top);
     piece.middle = light.magnification * middle + cell.displacement_low + displacement_slope * from_low;
     piece.half_width = 0.5 * growth * width;
     // Soft edges of the aperture move light as if the bend extended over all of it.
@@ -179,7 +179,7 @@ Piece piece_of(CellRow cell_row, Cell cell, float a, float b, float transmission
     piece.pixel_shift = cell.pixel_shift;
     piece.by_spot = light.spot / max(piece.blur, 1e-12);
     float turn = tilt * source_spot() * (light.cell_plane / light.rotation_distance) * piece.by_spot;
-    piece.profile = Profile(level, 0.5 * (level * depth_change - tilt * width), -turn);
+    piece.profile = Profile(level, 0.5 * (level * linear_change(depth_change) - tilt * width), -turn);
     piece.changes_sign = abs(level - 1.0) + 0.5 * abs(tilt) * width + 6.0 * abs(turn) > 1.0;
     piece.detector_narrowing = cell.detector_narrowing;
     piece.sample_covariance = SIDES(0.0);

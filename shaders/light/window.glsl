@@ -5,6 +5,9 @@
 const float STEEP = 2e4;
 // Standard deviations from an edge to where it cuts nothing.
 const float BEYOND = 8.0;
+// Bound of t beyond which the normal distribution is 0 or 1, and beyond which the digits of a square do not do.
+const float CERTAIN = 6.0;
+const float HARD = 32.0;
 
 // Light of a piece over xi and t, as a share of that in its middle:
 // level - depth_change * xi + turn * t.
@@ -48,9 +51,14 @@ struct Edge {
     float bend; // second order in t: it moves inwards by this length times t^2 - 1
 };
 
-// Integral of the profile over xi in [p, q] and over all t below a bound that goes from a to b. The bound
+// Integral of the profile over xi in [p, q].
+float profile_between(float p, float q, Profile profile) {
+    return (q - p) * (profile.level - 0.5 * profile.depth_change * (p + q));
+}
+
+// Integral of the profile over xi in [p, q] and over all t below a bound that goes from a to b, both within HARD. The bound
 // is higher by bend * (t^2 - 1).
-float below_between(float a, float b, float p, float q, Profile profile, float bend) {
+float below_near(float a, float b, float p, float q, Profile profile, float bend) {
     float depth_change = profile.depth_change;
     float density_a, below_a, density_b, below_b;
     normal(a, density_a, below_a);
@@ -75,6 +83,26 @@ float below_between(float a, float b, float p, float q, Profile profile, float b
                          - a * density_a);
     float bent = bend * (a * density_a - b * density_b) - profile.turn * (below_b - below_a);
     return per * (once + depth_change * per * twice + bent);
+}
+
+// The same for any bound. Bounds at hard edges are millions of standard deviations, and their squares would leave no
+// digits of the difference: beyond CERTAIN all or none of the light is below.
+float below_between(float a, float b, float p, float q, Profile profile, float bend) {
+    float certain = 0.0;
+    if (max(abs(a), abs(b)) > HARD) {
+        float near_a = clamp(a, -CERTAIN, CERTAIN);
+        float near_b = clamp(b, -CERTAIN, CERTAIN);
+        float w = abs(b - a) < 1e-20 ? 1e-20 : b - a;
+        float from = p + clamp((near_a - a) / w, 0.0, 1.0) * (q - p);
+        float to = q - clamp((b - near_b) / w, 0.0, 1.0) * (q - p);
+        certain = (a > CERTAIN ? profile_between(p, from, profile) : 0.0)
+            + (b > CERTAIN ? profile_between(to, q, profile) : 0.0);
+        a = near_a;
+        b = near_b;
+        p = from;
+        q = to;
+    }
+    return certain + below_near(a, b, p, q, profile, bend);
 }
 
 // Intersection of two lines, cut to [-1, 1].

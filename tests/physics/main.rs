@@ -14,6 +14,7 @@ mod detector;
 mod edges;
 mod exact_shapes;
 mod flat;
+mod hard_edges;
 mod heights;
 mod instances;
 mod leaks;

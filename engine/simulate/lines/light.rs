@@ -3,7 +3,7 @@
 use super::heights::{Draws, Judged, JudgedLight, Moved};
 use super::line::{Neighbours, PER_BEND, PER_JUMP, Piece, Source, open_share};
 use super::window_light::WindowLight;
-use crate::sampling::{Landed, Opening, Response, ViewContext};
+use crate::sampling::{Landed, Opening, Response, ViewContext, linear_change, mean_passed};
 use beamlet_core::numbers::single;
 use beamlet_interface::{FLAG_NOT_FINITE, NO_LIGHT, RayResult};
 use std::ops::Range;
@@ -221,11 +221,10 @@ impl<'a> Illumination<'a> {
         }
         let shares = x.map(|x| single((x - piece.x[0]) / width));
         let between = |[low, high]: [f32; 2]| shares.map(|share| low + (high - low) * share);
-        let passed = between(piece.depth).map(|depth| response.hardening.light(depth));
         // Light falls exponentially over a piece.
-        let all = (passed[0] + passed[1]).max(f32::MIN_POSITIVE);
-        let slope = (passed[1] - passed[0]) / all;
-        let mean = 0.5 * all * (1.0 - slope * slope / 3.0);
+        let [first, last] = between(piece.depth).map(|depth| response.hardening.depth(depth));
+        let mean = mean_passed(0.5 * (first + last), last - first);
+        let slope = -0.5 * linear_change(last - first);
         let light = share * mean * response.weight * single(x[1] - x[0]);
         let displacement = between(piece.displacement);
         let [low, high] = between(piece.scattering);

@@ -14,9 +14,8 @@ pub(super) const PER_BEND: f64 = 1.0 / 6.0;
 /// Least width of a part of a line with a ray of its own, m: coordinates of rays in f32 are as coarse across a detector.
 pub(super) const NARROWEST: f64 = 2e-9;
 
-/// Most pieces of an interval between ends of facets to begin with, and rays of a piece or of a line of an audit that draw
-/// normals (`tests/physics/rough`).
-pub(super) const MOST_PARTS: f64 = 64.0;
+/// Most rays of a piece or of a line of an audit that draw normals: more lines have more rays (`tests/physics/rough`).
+pub(super) const MOST_DRAWS: f64 = 64.0;
 /// Most pieces of a line by splits, 0.4 MB, and rays of a line of an audit: rays that all differ would divide it to the
 /// narrowest pieces, 50 times as many, before the memory of lines is counted.
 pub(super) const MOST_PIECES: usize = 4096;
@@ -145,9 +144,14 @@ impl Piece {
 
     /// Equal parts of it: one in the middle keeps its ray, the others want theirs.
     pub(crate) fn parts(self, count: u32) -> impl Iterator<Item = Self> {
+        self.cut(move |part| f64::from(part) / f64::from(count), count)
+    }
+
+    /// Parts of it: one in the middle keeps its ray, the others want theirs. `share`: of its width before a part.
+    pub(super) fn cut(self, share: impl Fn(u32) -> f64, count: u32) -> impl Iterator<Item = Self> {
         let between = |[low, high]: [f32; 2], share: f32| low + (high - low) * share;
         (0..count).map(move |part| {
-            let shares = [part, part + 1].map(|at| f64::from(at) / f64::from(count));
+            let shares = [part, part + 1].map(&share);
             let ends = |of: [f32; 2]| shares.map(|share| between(of, single(share)));
             let x = [shares[0], shares[1]].map(|share| self.x[0] + self.width() * share);
             let x = if part + 1 == count { [x[0], self.x[1]] } else { x };

@@ -6,7 +6,7 @@ mod pieces;
 
 use super::by_facets::{Cut, EdgePlace, FacetCuts};
 use super::by_shapes::{Crossing, ShapeCut, ShapeInBeam};
-use super::line::{LinePlace, MOST_PARTS, Piece};
+use super::line::{LinePlace, Piece};
 use crate::sampling::{Opening, ViewContext};
 use beamlet_core::numbers;
 use effects::{Effect, distance_on_plane};
@@ -16,8 +16,6 @@ use std::ops::Range;
 /// Narrower pieces, m, are left to those beside them; rays at the end of a section of a curved surface are computed this
 /// far inside it.
 const THINNEST: f64 = 1e-13;
-/// Change of the optical depth over a piece: light is linear in a cell.
-const STEEPEST: f64 = 0.1;
 
 /// Section of a surface by the plane of a line.
 #[derive(Debug, Clone, Copy)]
@@ -215,12 +213,7 @@ impl<'a> SurfaceLines<'a> {
             } else {
                 let [low, high] = x.map(|x| self.sums(&interval, x));
                 let piece = self.piece(&interval, x, &[low, high], None);
-                let change = f64::from((piece.depth[1] - piece.depth[0]).abs());
-                let parts = (change / STEEPEST).ceil().clamp(1.0, MOST_PARTS);
-                let parts = numbers::whole::<u32>(parts)
-                    .max(self.draws_of(&piece, openings))
-                    .max(self.parts_by_scattering(&piece, openings));
-                pieces.extend(piece.parts(parts));
+                pieces.extend(self.flat_pieces(piece, openings));
             }
             from = pair[1];
         }

@@ -1,6 +1,7 @@
 //! Cells in batches, as they go to the illumination: cell rows of cells side by side in x, each of
 //! one interval of z of a row.
 
+use super::absorption::mean_passed;
 use super::cell_moments::{CellMoments, ExactCell};
 use super::lattice::Lattice;
 use beamlet_core::numbers::{self, single};
@@ -151,7 +152,7 @@ fn reach_of(cell_row: CellRow, cells: &[Cell]) -> CellRow {
         let depth_change = cell.depth_high - cell.depth_low;
         let middle = 0.5 * (cell.depth_low + cell.depth_high);
         let width = cell.x_high - cell.x_low;
-        cell_row.light += width * (-middle).exp() * (1.0 + depth_change * depth_change / 24.0);
+        cell_row.light += width * mean_passed(middle, depth_change);
         let (low, high) = (cell.displacement_low, cell.displacement_high);
         cell_row.low_landing = cell_row.low_landing.min(low.min(high) - cell.pixel_shift);
         cell_row.high_landing = cell_row.high_landing.max(low.max(high) - cell.pixel_shift);

@@ -76,7 +76,12 @@ impl Hardening {
 
     /// Share of the light that passes a depth.
     pub(crate) fn light(&self, depth: f32) -> f32 {
-        let (true, false) = (depth > 0.0, self.ratios.is_empty()) else { return (-depth).exp() };
+        (-self.depth(depth)).exp()
+    }
+
+    /// Optical depth of the light of all energies behind a depth at the mean constants.
+    pub(crate) fn depth(&self, depth: f32) -> f32 {
+        let (true, false) = (depth > 0.0, self.ratios.is_empty()) else { return depth };
         let (last, deepest) = (HARDENING_PLACES - 1, HARDENING_DEEPEST as f32);
         let within = depth.min(deepest);
         let place = (within / deepest).sqrt() * last as f32;
@@ -84,7 +89,7 @@ impl Hardening {
         let [low, high] = [self.ratios[first], self.ratios[first + 1]];
         let ratio = low + (high - low) * (place - first as f32);
         // Deeper down only the light of the least ratio is left.
-        (-(ratio * within + self.ratios[last as usize + 1] * (depth - within))).exp()
+        ratio * within + self.ratios[last as usize + 1] * (depth - within)
     }
 }
 

@@ -1,6 +1,7 @@
 //! Sampling: patches of a view and the cells that are made of their lines and rays (docs/developers/sampling.md).
 //! A patch is one beamlet and one detector row.
 
+mod absorption;
 mod cell_batch;
 mod cell_moments;
 mod cell_rows;
@@ -24,6 +25,7 @@ mod survey;
 mod view_context;
 mod windows;
 
+pub(crate) use absorption::{linear_change, mean_passed};
 pub(crate) use cell_batch::{CellBatch, balance, empty_cell_row, empty_cell_rows, lands_near};
 pub(crate) use cell_moments::CellMoments;
 pub(crate) use error_budget::{ErrorBudget, SAFETY, safety, tally_of};

@@ -7,9 +7,8 @@ use std::ops::RangeInclusive;
 
 /// Points of a table of windows per period of the windows.
 const WINDOW_POINTS: usize = 512;
-/// Least half width of light in sharp windows, parts of a period: what passes is a difference of places, which single
-/// numbers resolve by 6e-8 of a period or two.
-const SHARP_POINTS: f64 = 8192.0;
+/// Least half width of light in sharp windows, parts of a period: single numbers resolve its place by about as much.
+const SHARP_POINTS: f64 = 8_388_608.0;
 
 /// Windows of one width and period.
 #[derive(Debug, Clone, PartialEq)]
@@ -97,11 +96,8 @@ impl Windows {
         self.aside.get(column).map_or(at, |aside| at + aside)
     }
 
-    /// Integral of the light through the window at 0 over the landing point.
+    /// Integral of the light through the window at 0, which is not sharp, over the landing point.
     fn integral(&self, at: f32) -> f32 {
-        if self.is_sharp {
-            return self.ends.iter().map(|[low, high]| at.clamp(*low, *high)).sum();
-        }
         let points = WINDOW_POINTS as f32;
         let place = (at / self.period + self.table_reach) * points;
         if place <= 0.0 {
@@ -125,11 +121,18 @@ impl Windows {
     }
 
     /// Share of light spread over [at - half, at + half] that passes the window at 0; it changes linearly by 1 ± `slope`
-    /// of its mean to either end: exact where the window is of third degree there.
+    /// of its mean to either end: exact in sharp windows, and where the window is of third degree there.
     pub(crate) fn passed(&self, at: f32, half: f32, slope: f32) -> f32 {
         let half = half.max(self.least_half);
         if at.abs() - half > self.reach {
             return 0.0;
+        }
+        if self.is_sharp {
+            let before = |end: f32| {
+                let xi = ((end - at) / half).clamp(-1.0, 1.0);
+                0.5 * (xi + 1.0) + 0.25 * slope * (xi * xi - 1.0)
+            };
+            return self.ends.iter().map(|[low, high]| before(*high) - before(*low)).sum();
         }
         let [low, high] = [at - half, at + half].map(|at| self.integral(at));
         let bend = if slope.abs() > 0.0 { low - 2.0 * self.integral(at) + high } else { 0.0 };

@@ -3,7 +3,7 @@
 use super::super::even::seen;
 use super::super::heights::Interval;
 use super::super::line::{
-    LinePlace, MOST_PARTS, MOST_PIECES, NARROWEST, PER_BEND, PER_JUMP, Piece, open_share,
+    LinePlace, MOST_DRAWS, MOST_PIECES, NARROWEST, PER_BEND, PER_JUMP, Piece, open_share,
 };
 use super::super::patches::LinePatch;
 use super::super::slopes::Slopes;
@@ -145,7 +145,7 @@ impl Auditor<'_> {
             }
         };
         let whole: f64 = open.iter().map(|[low, high]| high - low).sum();
-        let distance = whole / if is_random { MOST_PARTS } else { RAYS };
+        let distance = whole / if is_random { MOST_DRAWS } else { RAYS };
         let of_part = |[low, high]: [f64; 2]| {
             let first = draws.uniform();
             let count = numbers::whole::<u32>(((high - low) / distance).ceil().max(2.0));

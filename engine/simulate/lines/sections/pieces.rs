@@ -2,12 +2,17 @@
 
 use super::effects::{Change, Sums};
 use super::{Interval, SurfaceLines};
-use crate::lines::line::{MOST_PARTS, NARROWEST, Piece, Source, open_share};
+use crate::lines::line::{MOST_DRAWS, NARROWEST, Piece, Source, open_share};
 use crate::sampling::Opening;
 use beamlet_core::numbers::{self, single};
 use beamlet_interface::RayResult;
 
-/// Error by light of a piece of curved surfaces that is straight, share of the budget.
+/// Change of the optical depth over a piece behind facets: light is linear in a cell.
+const STEEPEST: f64 = 0.1;
+/// Most of the light of a piece that lies elsewhere than that of the exponential whose change is 1: it grows with the
+/// square of the change, which is small.
+const OFF_LINEAR: f64 = 1.0 / 125.0;
+/// Error by light of a piece that is not straight, share of the budget.
 const CURVED: f64 = 0.01;
 /// Error by light of a displacement that leaves a straight line, over that of the displacement at most.
 const MOVED: f64 = 0.25;
@@ -49,6 +54,45 @@ impl Middle {
 }
 
 impl SurfaceLines<'_> {
+    /// Parts of a piece behind facets, over which depth, and the variance by materials, change little.
+    pub(super) fn flat_pieces(
+        &self,
+        piece: Piece,
+        openings: &[Opening],
+    ) -> impl Iterator<Item = Piece> {
+        let shares = self.shares_by_depth(&piece, openings);
+        let count = numbers::count(shares.len() - 1);
+        piece.cut(move |part| shares[part as usize], count).flat_map(|part| {
+            part.parts(
+                self.draws_of(&part, openings).max(self.parts_by_scattering(&part, openings)),
+            )
+        })
+    }
+
+    /// Shares of the width of a piece behind facets, from 0 to 1, between which the depth changes by [`STEEPEST`], or by
+    /// more where less light is left: the total of each part is exact, and only part of its light at an edge counts.
+    fn shares_by_depth(&self, piece: &Piece, openings: &[Opening]) -> Vec<f64> {
+        let [low, high] = piece.depth.map(f64::from);
+        let change = (high - low).abs();
+        if change <= STEEPEST {
+            return vec![0.0, 1.0];
+        }
+        let response = self.view.responses.first();
+        let open = self.open(piece, openings);
+        // The error of a part is its light times the square of its change.
+        let least = CURVED * self.view.budget.light * change / (OFF_LINEAR * open);
+        let mut depths = vec![0.0];
+        let mut depth = 0.0;
+        while depth < change {
+            let passed = response.hardening.light(single(low.min(high) + depth));
+            depth += (least / f64::from(passed)).cbrt().clamp(STEEPEST, change);
+            depths.push(depth);
+        }
+        // From the thin end, the last part as much shorter as the others.
+        let shares = depths.into_iter().map(|it| it / depth);
+        if low < high { shares.collect() } else { shares.rev().map(|it| 1.0 - it).collect() }
+    }
+
     /// Pieces of an interval of curved surfaces, halved until they are straight.
     pub(super) fn curved_pieces(&self, interval: &Interval<'_>, pieces: &mut Vec<Piece>) {
         let rims = interval.rims();
@@ -106,14 +150,14 @@ impl SurfaceLines<'_> {
 
     /// Number of parts of a piece whose variances by materials are constant: the error falls with its square, since
     /// light and variance both belong to a part.
-    pub(super) fn parts_by_scattering(&self, piece: &Piece, openings: &[Opening]) -> u32 {
+    fn parts_by_scattering(&self, piece: &Piece, openings: &[Opening]) -> u32 {
         let widened = self.widening(piece.scattering.map(f64::from));
         if widened <= 0.0 {
             return 1;
         }
         let error = self.light(piece, openings) * widened;
         let parts = (error / (WIDENED * self.view.budget.light)).sqrt().ceil();
-        numbers::whole(parts.clamp(1.0, MOST_PARTS))
+        numbers::whole(parts.max(1.0))
     }
 
     /// The piece between two ends, with the sums of the rays there and, of curved surfaces, in the middle.
@@ -180,12 +224,12 @@ impl SurfaceLines<'_> {
 
     /// Number of rays of a piece: of one whose rays draw normals about the root of those that its light needs, so
     /// that as many lines are.
-    pub(super) fn draws_of(&self, piece: &Piece, openings: &[Opening]) -> u32 {
+    fn draws_of(&self, piece: &Piece, openings: &[Opening]) -> u32 {
         if !piece.draws || piece.source != Source::Wanted {
             return 1;
         }
         let light = self.light(piece, openings) / self.view.budget.light;
-        numbers::whole(light.ceil().clamp(1.0, MOST_PARTS))
+        numbers::whole(light.ceil().clamp(1.0, MOST_DRAWS))
     }
 
     /// Reduces displacements by the first order near grazing incidence to what total reflection makes.
@@ -210,10 +254,15 @@ impl SurfaceLines<'_> {
 
     /// Light of a piece at the mask step that opens it most, share of open beam.
     fn light(&self, piece: &Piece, openings: &[Opening]) -> f64 {
-        let response = self.view.responses.first();
-        let share = self.view.responses.lit(single(open_share(openings, piece.x)));
-        let passed = response.weight * response.hardening.light(piece.result.optical_depth) * share;
-        piece.width() * f64::from(passed)
+        let passed = self.view.responses.first().hardening.light(piece.result.optical_depth);
+        self.open(piece, openings) * f64::from(passed)
+    }
+
+    /// The same without the sample.
+    fn open(&self, piece: &Piece, openings: &[Opening]) -> f64 {
+        let responses = self.view.responses;
+        let share = responses.lit(single(open_share(openings, piece.x)));
+        piece.width() * f64::from(responses.first().weight * share)
     }
 
     /// True if light with this first-order remainder of its displacement errs by more than needs no exact ray.
