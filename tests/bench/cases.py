@@ -2,8 +2,11 @@
 """Rays, processor time and peak memory of whole runs, beside what `beamlet check` estimates.
 
     tests/bench/cases.py BEAMLET [--counts] [CASE…]   (needs numpy; the default: all but "wide" and "fibres*")
+    tests/bench/cases.py BEAMLET --against OTHER [--cache FOLDER] [CASE…]
 
-`--counts` prints the work of the device instead, as where it has memory of its own.
+`--counts` prints the work of the device instead, as where it has memory of its own. `--against` runs two programs
+in turns: lines, rays, the least processor time, and the error of the stack with the sample against a run of BEAMLET at
+a tenth of the tolerance, which is made once and kept in the cache folder.
 
     cylinder  docs/experiments/cylinder, 128 x 128 pixels, 11 steps
     bracket   docs/experiments/bracket, 3 views
@@ -22,6 +25,8 @@ of the patches that the sample touches ("in patches", mean and most). Seconds ar
 the whole process ("cpu") and by the clock ("clock"); "check" is what that takes in all. The last two
 columns are the estimates of `check` over what the run took.
 """
+import argparse
+import hashlib
 import json
 import math
 import os
@@ -219,6 +224,52 @@ def measure(beamlet, case, folder):
     print(f'| {case} | ' + ' | '.join(row) + ' |', flush=True)
 
 
+# Runs of each program: those of two alternate, so that a busy machine slows both.
+TURNS = 3
+
+
+def simulated(beamlet, arguments, run):
+    """Stack with the sample, record and processor time of a run."""
+    command = [beamlet, 'simulate', *arguments, '-o', run, '--overwrite', '-q', '--format', 'npy']
+    cpu = timed(command)[2]
+    with open(os.path.join(run, 'run.json')) as file:
+        return np.load(os.path.join(run, 'sample.npy')), json.load(file), cpu
+
+
+def reference(beamlet, arguments, run, cache):
+    """Stack of the resolved scene of a run at a tenth of its tolerance."""
+    with open(os.path.join(run, 'scene.toml')) as file:
+        scene = file.read()
+    kept = os.path.join(cache, hashlib.sha256(scene.encode()).hexdigest() + '.npy')
+    if not os.path.exists(kept):
+        tolerance = next(line.split('=')[1] for line in scene.splitlines() if line.startswith('tolerance ='))
+        finer = [*arguments, '--set', f'sampling.tolerance={float(tolerance) / 10!r}']
+        stack, _, _ = simulated(beamlet, finer, run + '-finer')
+        os.makedirs(cache, exist_ok=True)
+        np.save(kept, stack)
+    return np.load(kept)
+
+
+def compare(beamlets, case, folder, cache):
+    arguments = make(case, folder) + ['--backend', 'bvh']
+    runs = [os.path.join(folder, name) for name in ('one', 'other')]
+    done = [None, None]
+    seconds = [[], []]
+    for turn in range(TURNS):
+        for at in (0, 1) if turn % 2 == 0 else (1, 0):
+            stack, record, cpu = simulated(beamlets[at], arguments, runs[at])
+            done[at] = (stack, record)
+            seconds[at].append(cpu)
+    exact = reference(beamlets[0], arguments, runs[0], cache).astype(float)
+    for beamlet, (stack, record), cpu in zip(beamlets, done, map(min, seconds)):
+        off = np.abs(stack - exact)
+        tally = record['tally']
+        told = (record.get('sampling') or {}).get('worst_error', 0)
+        row = [os.path.relpath(beamlet), f'{tally["lines"]:,}', f'{tally["rays"]:,}', f'{cpu:.2f}',
+               f'{math.sqrt((off ** 2).mean()):.1e}', f'{off.max():.1e}', f'{told:.1e}']
+        print(f'| {case} | ' + ' | '.join(row) + ' |', flush=True)
+
+
 def count(beamlet, case, folder):
     run = os.path.join(folder, 'run')
     command = [beamlet, 'simulate', *make(case, folder), '--backend', 'bvh', '-o', run, '-q', '--profile']
@@ -238,12 +289,17 @@ def count(beamlet, case, folder):
 
 
 def main():
-    counts = '--counts' in sys.argv
-    words = [word for word in sys.argv[1:] if word != '--counts']
-    if not words:
-        raise SystemExit(__doc__)
-    cases = words[1:] or ['cylinder', 'tilted', 'bumpy', 'radio', 'bracket']
-    if counts:
+    parser = argparse.ArgumentParser(usage=__doc__)
+    parser.add_argument('beamlet', type=os.path.abspath)
+    parser.add_argument('cases', nargs='*', default=['cylinder', 'tilted', 'bumpy', 'radio', 'bracket'])
+    parser.add_argument('--counts', action='store_true')
+    parser.add_argument('--against', type=os.path.abspath)
+    parser.add_argument('--cache', default=os.path.join(tempfile.gettempdir(), 'beamlet-bench'))
+    given = parser.parse_intermixed_args()
+    if given.against:
+        print('| case | program | lines | rays | cpu, s | rms error | worst error | worst told |')
+        print('|---|---|---:|---:|---:|---:|---:|---:|')
+    elif given.counts:
         print('| case | submissions | a view with the sample | buffers a view | MB to / from the device '
               '| invocations of a dispatch: trace | exact | illuminate |')
         print('|---|---:|---:|---:|---:|---:|---:|---:|')
@@ -251,9 +307,12 @@ def main():
         print('| case | rays | in patches | cpu, s | clock, s | peak, MiB | check cpu / clock, s '
               '| rays told / true | time told / true |')
         print('|---|---|---|---|---|---|---|---|---|')
-    for case in cases:
+    for case in given.cases:
         with tempfile.TemporaryDirectory() as folder:
-            (count if counts else measure)(os.path.abspath(words[0]), case, folder)
+            if given.against:
+                compare([given.beamlet, given.against], case, folder, given.cache)
+            else:
+                (count if given.counts else measure)(given.beamlet, case, folder)
 
 
 if __name__ == '__main__':
