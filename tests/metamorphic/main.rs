@@ -12,6 +12,7 @@ mod audits;
 mod case;
 mod compare;
 mod draws;
+mod parts;
 mod relations;
 mod rows;
 mod runs;

@@ -23,6 +23,8 @@ pub mod draws;
 pub mod fit;
 pub mod masks;
 pub mod normal;
+pub mod panels;
+mod pieces;
 pub mod rays;
 pub mod rough;
 pub mod round_bodies;
