@@ -22,6 +22,11 @@ pub(crate) struct Fit {
 }
 
 impl Fit {
+    /// Value of the point of this index at its offset.
+    fn at_point(&self, index: usize, offset: f64) -> f64 {
+        self.at(offset + self.masks.as_ref().map_or(0.0, |masks| masks.to_slit(index)))
+    }
+
     pub(crate) fn at(&self, offset: f64) -> f64 {
         let place = offset - self.centre;
         let relative = match &self.masks {
@@ -112,7 +117,8 @@ fn residuals(
 ) {
     let left = |curve: &CurvePlot| -> Vec<f64> {
         let Some(fit) = &curve.fit else { return Vec::new() };
-        curve.values.iter().zip(offsets).map(|(value, offset)| value - fit.at(*offset)).collect()
+        let points = curve.values.iter().zip(offsets).enumerate();
+        points.map(|(index, (value, offset))| value - fit.at_point(index, *offset)).collect()
     };
     let all: Vec<Vec<f64>> = curves.iter().map(left).collect();
     let [low, high] = roomy(all.iter().flatten().copied());

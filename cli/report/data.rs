@@ -105,13 +105,18 @@ impl Contents<'_> {
 
 /// Curve of the masks in um, with the orders that a blur of at least a twentieth of its width leaves.
 fn curve_of_masks(curve: &MaskCurve) -> Value {
-    let most = curve.orders().first().map_or(0.0, |[even, odd]| even.hypot(*odd));
-    let orders: Vec<[f64; 2]> =
-        curve.orders().iter().map(|order| order.map(|part| part / most)).take(60).collect();
+    let size = |[even, odd]: &[f64; 2]| even.hypot(*odd);
+    let most = curve.orders().iter().map(size).fold(0.0, f64::max);
+    let orders: Vec<[f64; 2]> = curve
+        .orders()
+        .iter()
+        .map(|order| order.map(|part| part / most))
+        .take(60 * curve.repeats())
+        .collect();
     json!({
         "period": 1e6 * curve.period(),
         "variance": 1e12 * curve.variance(),
-        "mean": 1.0 / (curve.period() * most),
+        "mean": curve.mean() / most,
         "orders": orders,
     })
 }

@@ -3,7 +3,7 @@
 use crate::Engine;
 use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
-use beamlet_core::numbers::single;
+use beamlet_core::numbers::{self, single};
 use beamlet_model::optics::{self, Optics, ThinCurve};
 use beamlet_model::scene::{Blur, Counts, Object, Quality, Scan, Scatter, Scene, Scheme};
 use beamlet_model::spectrum::Nodes;
@@ -108,7 +108,8 @@ pub(super) fn illumination(
     scene: &Scene,
     nodes: &Nodes,
 ) -> Result<Option<IlluminationCurve>> {
-    // Columns of a group sample the curve of masks without shifts.
+    let masks = scene;
+    // The curve of a period is that of masks without shifts.
     let scene = &scene.of_groups();
     let optics = Optics::of(scene);
     // Light behind apertures that end along z depends on the row, too.
@@ -119,32 +120,28 @@ pub(super) fn illumination(
     let period = optics.curve_period();
     let step = period / f64::from(OFFSETS);
     let offsets = offsets_of_period(&optics);
-    let mut all = offsets.clone();
-    let scanned_offsets = &scene.scan.mask_offsets;
-    all.extend(scanned_offsets);
-    let values = flat(engine, scene, all)?;
-    let (light, scanned) = values.split_at(offsets.len());
-    let Some(sigma) = fitted_sigma(engine, &offsets, light)? else { return Ok(None) };
-    let [least, most] = ends(light);
+    let [light, scanned] = lights(engine, masks, offsets.clone())?;
+    let Some(sigma) = fitted_sigma(engine, &offsets, &light)? else { return Ok(None) };
+    let [least, most] = ends(&light);
     let scan: Vec<[f64; 2]> =
-        scene.scan.mask_offsets.iter().zip(scanned).map(|(a, b)| [*a, *b]).collect();
+        scene.scan.mask_offsets.iter().zip(&scanned).map(|(a, b)| [*a, *b]).collect();
     let expected = match &scene.detector.counts {
-        Some(counts) => expected(engine, scene, counts, scanned)?,
+        Some(counts) => expected(engine, masks, counts, &scanned)?,
         None => None,
     };
-    let retrieval = retrieval(engine, scene)?;
+    let retrieval = retrieval(engine, masks)?;
     Ok(Some(IlluminationCurve {
         period,
-        visibility: visibility(light),
+        visibility: visibility(&light),
         open_fraction: light.iter().sum::<f64>() / light.len() as f64,
         sigma,
-        fwhm: width_above(light, f64::midpoint(least, most)) * step,
+        fwhm: width_above(&light, f64::midpoint(least, most)) * step,
         leak,
         scan,
         expected,
         retrieval,
         offsets,
-        light: light.to_vec(),
+        light,
     }))
 }
 
@@ -162,7 +159,7 @@ pub(crate) struct DesignCurve {
 /// # Errors
 /// As [`Engine::simulate`].
 pub(crate) fn design_curve(engine: &Engine, scene: &Scene) -> Result<DesignCurve> {
-    let mut scene = scene.of_groups().clone();
+    let mut scene = scene.clone();
     // Materials of the sample need more energy nodes, and are not in a flat.
     scene.objects.clear();
     let scene = &scene;
@@ -179,32 +176,42 @@ pub(crate) fn design_curve(engine: &Engine, scene: &Scene) -> Result<DesignCurve
     if optics.sample_mask.is_none() || optics.detector_mask.is_none() {
         return Ok(DesignCurve::default());
     }
-    let mut all = offsets_of_period(&optics);
-    all.extend(&scene.scan.mask_offsets);
-    let values = match has_even_flat(scene) {
-        true => {
-            let mut sharp = scene.clone();
-            sharp.detector.blur = None;
-            flat(engine, &sharp, all)?
-        }
-        false => flat(engine, scene, all)?,
-    };
-    let (light, scanned) = values.split_at(OFFSETS as usize);
+    let mut sharp = scene.clone();
+    if has_even_flat(scene) {
+        sharp.detector.blur = None;
+    }
+    let [light, scanned] = lights(engine, &sharp, offsets_of_period(&optics))?;
     let expected = match &scene.detector.counts {
-        Some(counts) => expected(engine, scene, counts, scanned)?,
+        Some(counts) => expected(engine, scene, counts, &scanned)?,
         None => None,
     };
-    Ok(DesignCurve { visibility: Some(visibility(light)), expected })
+    Ok(DesignCurve { visibility: Some(visibility(&light)), expected })
+}
+
+/// Light of masks without shifts at offsets, m, and of the masks as they are at the offsets of the scan, share of open
+/// beam: with shifts of each column of a group, offset after offset.
+fn lights(engine: &Engine, scene: &Scene, mut offsets: Vec<f64>) -> Result<[Vec<f64>; 2]> {
+    let (count, scanned) = (offsets.len(), &scene.scan.mask_offsets);
+    if scene.group() == 1 {
+        offsets.extend(scanned);
+    }
+    let mut light = flat(engine, &scene.of_groups(), offsets)?;
+    let of_scan = match scene.group() {
+        1 => light.split_off(count),
+        _ => flat(engine, scene, scanned.clone())?,
+    };
+    Ok([light, of_scan])
 }
 
 /// True if each pixel has whole periods of each mask of slits: all pixels of a flat then have the same light, with and
 /// without blur.
 fn has_even_flat(scene: &Scene) -> bool {
-    scene.masks().all(|(_, mask)| {
-        let periods =
-            scene.detector.pitch[0] * mask.distance / scene.detector.distance / mask.period;
-        periods > 0.5 && (periods - periods.round()).abs() < SAME_PERIOD
-    })
+    scene.group() == 1
+        && scene.masks().all(|(_, mask)| {
+            let periods =
+                scene.detector.pitch[0] * mask.distance / scene.detector.distance / mask.period;
+            periods > 0.5 && (periods - periods.round()).abs() < SAME_PERIOD
+        })
 }
 
 /// Offsets over a period of the curve, m.
@@ -225,14 +232,22 @@ fn visibility(light: &[f64]) -> f64 {
     (most - least) / (most + least)
 }
 
-/// Light of a pixel at the centre at these offsets, share of open beam.
+/// Light of a pixel at the centre at these offsets, share of open beam; of each column of a group there.
 fn flat(engine: &Engine, scene: &Scene, offsets: Vec<f64>) -> Result<Vec<f64>> {
     let part = if scene.detector.blur.is_some() { BLURRED_PART } else { PART };
+    let group = scene.group();
+    let part = [part[0].max(2 * numbers::count(group)), part[1]];
     let (bare, scattered) = bare(scene, Scan::new(offsets, vec![0.0]), part);
-    let [columns, rows] = bare.detector.pixels.map(|n| (n as usize - 1) / 2);
+    let [columns, rows] = bare.detector.pixels.map(|n| n as usize);
     let stacks = engine.simulate(&bare)?;
-    let light = |frame: ArrayView2<'_, f32>| f64::from(frame[[rows, columns]]) * (1.0 + scattered);
-    Ok(stacks.flat.axis_iter(Axis(0)).map(light).collect())
+    // Groups begin with column 0.
+    let first = (columns - group) / 2 / group * group;
+    let light = |frame: ArrayView2<'_, f32>| {
+        let of_column =
+            |at: usize| f64::from(frame[[(rows - 1) / 2, first + at]]) * (1.0 + scattered);
+        (0..group).map(of_column).collect::<Vec<_>>()
+    };
+    Ok(stacks.flat.axis_iter(Axis(0)).flat_map(light).collect())
 }
 
 /// The scene without a sample and without noise, with a scan of one view, before the middle of its detector: about this

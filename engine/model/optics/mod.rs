@@ -183,6 +183,12 @@ impl Optics {
         self.sample_mask.as_ref().map_or(f64::INFINITY, of)
     }
 
+    /// The same with its shifts: places of all slits repeat with it.
+    pub fn pattern_period(&self) -> f64 {
+        let of = |mask: &Mask| mask.openings(mask.distance()).period[0];
+        self.sample_mask.as_ref().map_or(f64::INFINITY, of)
+    }
+
     /// Source to where light is cut off for good, m: the detector mask, or the pixels.
     pub fn cutting_plane(&self) -> f64 {
         if self.detector_mask.is_some() { self.analyser } else { self.detector.distance }

@@ -12,10 +12,11 @@ const NOTHING: f64 = 20.0;
 /// Points that are evaluated together.
 const LANES: usize = 4;
 
-/// Curve of unit area in a period, about its centroid, without the blur of its narrowest part. Lengths are in the plane
-/// of the sample mask, m.
+/// Curve of unit area for each slit of the sample mask, about the centroid of the first one, without the blur of the
+/// narrowest part of the spot. Lengths are in the plane of the sample mask, m.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MaskCurve {
+    /// Length after which the curve repeats: of all shifts.
     period: f64,
     /// Coefficients of cosine and sine by order, from 1 on.
     orders: Vec<[f64; 2]>,
@@ -25,6 +26,9 @@ pub struct MaskCurve {
     least: f64,
     /// Standard deviation of the blur of the narrowest part of the spot.
     blur: f64,
+    /// From the own slit of a column of a group to its place in the curve of all slits; empty without shifts.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    columns: Vec<f64>,
 }
 
 /// Overlap of two slits, or a part of the focal spot: a share of the light and its place.
@@ -69,11 +73,18 @@ impl MaskCurve {
                 variance: variance - narrowest,
             })
             .collect();
-        Some(Self::new(seen.period[0] / magnification, pairs, parts, narrowest.sqrt()))
+        let period = seen.period[0] / magnification;
+        let own = first.shifts().iter().zip(0..);
+        let slits = own.map(|(shift, k)| f64::from(k) * period + shift - first.shifts()[0]);
+        Some(Self::new(period, slits.collect(), [pairs, parts], narrowest.sqrt()))
     }
 
-    /// The curve of overlaps and parts of the spot. `blur`: standard deviation of the narrowest part.
-    fn new(period: f64, pairs: Vec<Term>, parts: Vec<Term>, blur: f64) -> Self {
+    /// The curve of overlaps and parts of the spot. `period`: of a mask without shifts; `slits`: places of the slits of
+    /// successive periods from the first one, none without shifts; `blur`: standard deviation of the narrowest part.
+    fn new(period: f64, slits: Vec<f64>, [pairs, parts]: [Vec<Term>; 2], blur: f64) -> Self {
+        let period = period * slits.len().max(1) as f64;
+        // A slit on the right lies before the other mask's at an offset to the left.
+        let columns: Vec<f64> = slits.iter().map(|slit| -slit).collect();
         let base = pairs.iter().map(|pair| 0.5 * (pair.boxes[0] + pair.boxes[1]));
         let least = (LEAST_BLUR * base.fold(f64::INFINITY, f64::min)).powi(2);
         let highest = (NOTHING / (2.0 * least)).sqrt() * period / PI;
@@ -81,11 +92,32 @@ impl MaskCurve {
         let orders = (1..=whole::<u32>(highest.ceil()).max(1)).map(|order| {
             let frequency = f64::from(order) / period;
             let [a, b] = [&pairs, &parts].map(|terms| coefficient(terms, frequency));
-            [2.0 * (a[0] * b[0] - a[1] * b[1]) / period, 2.0 * (a[0] * b[1] + a[1] * b[0]) / period]
+            let one = [a[0] * b[0] - a[1] * b[1], a[0] * b[1] + a[1] * b[0]];
+            let all = if columns.is_empty() { one } else { repeated(one, &columns, frequency) };
+            all.map(|part| 2.0 * part / period)
         });
         let orders = orders.collect();
         let variance = [&pairs, &parts].into_iter().flatten().map(Term::second_moment).sum();
-        Self { period, orders, variance, least, blur }
+        Self { period, orders, variance, least, blur, columns }
+    }
+
+    /// Columns after which the slits repeat: 1 without shifts.
+    #[must_use]
+    pub fn repeats(&self) -> usize {
+        self.columns.len().max(1)
+    }
+
+    /// From a place about the own slit of the value of this index to its place in the curve. Values are those of the
+    /// columns of a group, step after step.
+    #[must_use]
+    pub fn to_slit(&self, value: usize) -> f64 {
+        self.columns.get(value % self.repeats()).copied().unwrap_or(0.0)
+    }
+
+    /// Mean over a period, 1/m.
+    #[must_use]
+    pub fn mean(&self) -> f64 {
+        self.repeats() as f64 / self.period
     }
 
     /// Value at a place from the centre of a curve of this standard deviation, over the value at the centre.
@@ -96,14 +128,14 @@ impl MaskCurve {
         values[0][0] / values[1][0]
     }
 
-    /// Period, m.
+    /// Length after which the curve repeats, m: of all shifts of the sample mask.
     #[must_use]
     pub const fn period(&self) -> f64 {
         self.period
     }
 
-    /// Coefficients of cosine and sine of the places by order, from 1 on, for a blur of variance 0 and an area of 1 in a
-    /// period, 1/m. A blur of variance v multiplies order k by exp(-2 (pi k/period)^2 v).
+    /// Coefficients of cosine and sine of the places by order, from 1 on, for a blur of variance 0 and an area of 1 for
+    /// each slit, 1/m. A blur of variance v multiplies order k by exp(-2 (pi k/period)^2 v).
     #[must_use]
     pub fn orders(&self) -> &[[f64; 2]] {
         &self.orders
@@ -155,7 +187,7 @@ impl MaskCurve {
             let sums = series(&weights, lanes);
             let of_lane = |at: usize| {
                 let [value, slope, curvature] = sums.map(|sum| sum[at]);
-                [1.0 / self.period + value, -turn * slope, -rate * curvature]
+                [self.mean() + value, -turn * slope, -rate * curvature]
             };
             out.extend((0..angles.len()).map(of_lane));
         }
@@ -189,6 +221,13 @@ fn coefficient(terms: &[Term], frequency: f64) -> [f64; 2] {
         let (sin, cos) = (turn * term.place).sin_cos();
         [even + size * cos, odd + size * sin]
     })
+}
+
+/// Coefficients of a sum of curves at these places, of the coefficients of one of them.
+fn repeated([even, odd]: [f64; 2], places: &[f64], frequency: f64) -> [f64; 2] {
+    let turns = places.iter().map(|place| (2.0 * PI * frequency * place).sin_cos());
+    let [sin, cos] = turns.fold([0.0; 2], |[s, c], (sin, cos)| [s + sin, c + cos]);
+    [even * cos - odd * sin, even * sin + odd * cos]
 }
 
 /// Sine of x over x.
@@ -251,7 +290,7 @@ mod tests {
             ]
         };
         let parts = || vec![term(0.7, -1e-6, [0.0; 2], 0.0), term(0.3, 4e-6, [0.0; 2], 30e-12)];
-        let curve = MaskCurve::new(period, pairs(), parts(), 4e-6);
+        let curve = MaskCurve::new(period, Vec::new(), [pairs(), parts()], 4e-6);
         let [pairs, parts] = [centred(pairs()), centred(parts())];
         let truth = |x: f64, variance: f64| -> f64 {
             let of = |pair: &Term, part: &Term, k: i32| {
@@ -277,12 +316,39 @@ mod tests {
         }
     }
 
+    /// Slits displaced by 0, 8 and -15 um, before three columns: the value of each column is the sum of the overlaps of all
+    /// slits where they are, 2e-8 of the peak.
+    #[test]
+    fn neighbours_of_displaced_slits_add_their_light_from_where_they_are() {
+        let (period, shifts, variance) = (100e-6, [0.0, 8e-6, -15e-6], 16e-12);
+        let pairs = vec![term(1.0, 0.0, [30e-6, 20e-6], 0.0)];
+        let slits: Vec<f64> =
+            shifts.iter().zip(0..).map(|(s, k)| f64::from(k) * period + s).collect();
+        let parts = vec![term(1.0, 0.0, [0.0; 2], 0.0)];
+        let curve = MaskCurve::new(period, slits, [pairs, parts], 4e-6);
+        for column in 0..3_usize {
+            for offset in [-52e-6, -40e-6, -10e-6, 0.0, 24e-6, 47e-6] {
+                // The slits of periods before and behind the column's, with their own shifts.
+                let slit = |k: i32| {
+                    let shift = shifts[usize::try_from((column as i32 + k).rem_euclid(3)).unwrap()];
+                    overlap(offset + f64::from(k) * period + shift, [30e-6, 20e-6], variance)
+                };
+                let truth: f64 = (-4..=4).map(slit).sum();
+                let own = offset + shifts[column];
+                let place = own + curve.to_slit(column + 3);
+                let [value, ..] = curve.evaluate(std::iter::once(place), variance)[0];
+                let error = (value - truth).abs() * 30e-6;
+                assert!(error < 2e-8, "column {column}, {offset:e}: {value} for {truth}");
+            }
+        }
+    }
+
     /// The variance is the second moment of a curve within its period, less the blur.
     #[test]
     fn variance_is_that_of_the_slits_and_the_parts() {
         let pairs = vec![term(1.0, 0.0, [20e-6, 16e-6], 0.0)];
         let parts = vec![term(0.5, -2e-6, [0.0; 2], 0.0), term(0.5, 2e-6, [0.0; 2], 10e-12)];
-        let curve = MaskCurve::new(200e-6, pairs, parts, 3e-6);
+        let curve = MaskCurve::new(200e-6, Vec::new(), [pairs, parts], 3e-6);
         let steps = 4000;
         let place = |i: i32| 200e-6 * ((f64::from(i) + 0.5) / f64::from(steps) - 0.5);
         let values = curve.evaluate((0..steps).map(place), 9e-12);

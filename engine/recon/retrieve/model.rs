@@ -78,6 +78,14 @@ impl Model {
         }
     }
 
+    /// Columns after which the curves of columns repeat: 1 where all columns have one curve.
+    pub(super) fn repeats(&self) -> usize {
+        match self {
+            Self::Masks(masks) => masks.repeats(),
+            Self::Trapezoid { .. } | Self::Strips(_) => 1,
+        }
+    }
+
     /// Number of terms of a value.
     pub(super) fn terms(&self) -> usize {
         match self {
@@ -96,7 +104,15 @@ impl Model {
     ) -> &'t [Valued] {
         let [light, x, _, xx, .., background] = *p;
         let places = points.along[0].iter().map(|place| place - x);
+        let has_columns = !points.columns.is_empty();
         let of_slits: Vec<[f64; 3]> = match self {
+            Self::Masks(masks) if has_columns => {
+                let own = points.at.iter().zip(&points.columns);
+                let place = |([at, _], column): (&[usize; 2], &usize)| {
+                    points.along[0][*at] - x + masks.to_slit(*column)
+                };
+                masks.evaluate(own.map(place), xx)
+            }
             Self::Masks(masks) => masks.evaluate(places, xx),
             Self::Trapezoid { top } => places.map(|x| trapezoid(x, *top, xx)).collect(),
             Self::Strips(strips) => {
@@ -105,8 +121,8 @@ impl Model {
             }
         };
         tables.values.clear();
-        tables.values.extend(points.at.iter().map(|[at, _]| {
-            let [value, by_x, by_xx] = of_slits[*at];
+        tables.values.extend(points.at.iter().enumerate().map(|(index, [at, _])| {
+            let [value, by_x, by_xx] = of_slits[if has_columns { index } else { *at }];
             [
                 libm::fma(light, value, background),
                 value,
@@ -123,7 +139,7 @@ impl Model {
 
     /// Height above the background: at the centre, or of a list at these points.
     pub(super) fn peak(&self, points: &Points, p: &Unknowns) -> f64 {
-        let centre = Points { along: [vec![p[1]], vec![p[2]]], at: vec![[0; 2]] };
+        let centre = Points::of(&[[p[1], p[2]]]);
         let points = if self.is_list() { points } else { &centre };
         let mut tables = Tables::default();
         let values = self.evaluate(points, p, &mut tables).iter();

@@ -205,7 +205,7 @@ impl Retriever {
             changes.extend([(1 + axis, shifts[*axis]), (3 + axis, widened * variances[*axis])]);
         }
         let curves = |offsets: &[[f64; 2]], changes: &[(usize, f64)]| -> Vec<Vec<Valued>> {
-            let points = Points::of(offsets);
+            let points = Points::of(offsets).of_columns(truth.model.repeats());
             changes.iter().map(|change| truth.values(&points, scale, centre, *change)).collect()
         };
         let unchanged = vec![(0, 0.0); changes.len()];
@@ -257,7 +257,8 @@ impl Retriever {
         let from_centre = |offset: &[f64; 2]| [0, 1].map(|axis| offset[axis] - centre[axis]);
         let places: Vec<[f64; 2]> = self.flat_offsets().iter().map(from_centre).collect();
         let light = height / truth.peak();
-        let values = truth.values(&Points::of(&places), light, [0.0; 2], (0, 0.0));
+        let points = Points::of(&places).of_columns(truth.model.repeats());
+        let values = truth.values(&points, light, [0.0; 2], (0, 0.0));
         let fit = self.fits_of(&[values], None, None)?.curve(0);
         Ok(fit.map_or(0.0, |fit| fit.residual / fit.amplitude))
     }

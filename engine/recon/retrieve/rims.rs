@@ -44,11 +44,12 @@ impl RimError {
 /// Errors of 2 % or more of δ of the cylinders, tubes, cones, spheres and ellipsoids of a scan over angles without
 /// dithers, by first order: a value of a pixel is the mean of the refraction angles that its aperture sees at the
 /// offsets, weighted by the squared slopes of the curve of the masks. The sum of angle times place over the pixels is
-/// the area of δ (docs/reconstruction.md). None without two masks.
+/// the area of δ (docs/reconstruction.md). None without two masks, and behind masks with shifts.
 #[must_use]
 pub fn rim_errors(scene: &Scene) -> Vec<RimError> {
     let scan = &scene.scan;
-    if scan.angles.len() < 2 || !scan.dithers.is_empty() || !scan.is_circle() {
+    let has_pixels = scan.dithers.is_empty() && scene.group() == 1;
+    if scan.angles.len() < 2 || !has_pixels || !scan.is_circle() {
         return Vec::new();
     }
     let Some(samples) = Samples::of(scene) else { return Vec::new() };

@@ -246,8 +246,8 @@ fn retrieve_to(
     options.check_saturation()?;
     let input = input.limited_to(options.saturation);
     let options = options_for(&input, &options.resolved(input.scene())?)?;
-    let groups = input.scene().of_groups();
-    let mut retriever = Retriever::new(compute, &groups, &options)?;
+    let scene = input.scene().clone();
+    let mut retriever = Retriever::new(compute, &scene, &options)?;
     refuse_parts_of_beamlets(&input, &retriever)?;
     let input = input.fitted_to(retriever.steps())?;
     if !options.correct.is_none() || options.phase || retriever.layout().is_of_list() {
@@ -294,7 +294,7 @@ fn retrieve_to(
     let mut record = output.record;
     let of_input = input.warnings().iter().cloned().chain(input.other_optics(options.method()));
     diagnosis.finish(&mut record, &retriever, &of_input.collect::<Vec<_>>())?;
-    let response_of = |other: &RetrieveOptions| Retriever::new(compute, &groups, other)?.response();
+    let response_of = |other: &RetrieveOptions| Retriever::new(compute, &scene, other)?.response();
     response::enter(&mut record, &options, retriever.response()?, response_of)?;
     finish(&mut record, hashes.wait(&cancel, &mut || {})??, (began, since));
     let has_columns = retriever.layout().lattice().is_none();

@@ -11,6 +11,8 @@ pub(super) struct Points {
     pub(super) along: [Vec<f64>; 2],
     /// Indices of each point in them.
     pub(super) at: Vec<[usize; 2]>,
+    /// Column of each point in its group; empty where all columns have one curve.
+    pub(super) columns: Vec<usize>,
 }
 
 impl Points {
@@ -24,7 +26,15 @@ impl Points {
         });
         let index = |axis: usize, place: f64| along[axis].partition_point(|other| *other < place);
         let at = places.iter().map(|place| [0, 1].map(|axis| index(axis, place[axis]))).collect();
-        Self { along, at }
+        Self { along, at, columns: Vec::new() }
+    }
+
+    /// The points as values of columns whose curves repeat after `repeats` columns, step after step.
+    pub(super) fn of_columns(mut self, repeats: usize) -> Self {
+        if repeats > 1 {
+            self.columns = (0..self.at.len()).map(|index| index % repeats).collect();
+        }
+        self
     }
 
     /// Points at these places along x, of slits.
@@ -104,6 +114,12 @@ impl Scan {
         Self { shares, ..Self::new(places, noise, background) }
     }
 
+    /// The scan of columns whose curves repeat after `repeats` columns, step after step.
+    pub(super) fn of_columns(mut self, repeats: usize) -> Self {
+        self.points = self.points.of_columns(repeats);
+        self
+    }
+
     /// Sorts out values; flags say why there is no answer. `needed`: fewest values.
     pub(super) fn values(&self, curve: impl Iterator<Item = f32>, needed: usize) -> Values {
         let (mut values, mut kept) = (Vec::with_capacity(self.places.len()), Vec::new());
@@ -118,7 +134,9 @@ impl Scan {
         }
         let places: Vec<[f64; 2]> = kept.iter().map(|index| self.places[*index]).collect();
         let shares = kept.iter().map(|index| self.shares[*index]).collect();
-        Values { points: Points::of(&places), values, shares, flags, range }
+        let columns = kept.iter().filter_map(|index| self.points.columns.get(*index).copied());
+        let points = Points { columns: columns.collect(), ..Points::of(&places) };
+        Values { points, values, shares, flags, range }
     }
 
     /// The flag of a centre outside of the scan; 0 within.

@@ -101,7 +101,8 @@ impl FittedCurve {
     /// Values at offsets (m) with slopes by the unknowns; a background that follows from the light is part of its slope.
     pub(in crate::retrieve) fn at(&self, offsets: &[[f64; 2]]) -> Vec<Valued> {
         let mut tables = Tables::default();
-        let values = self.of.model.evaluate(&Points::of(offsets), &self.p, &mut tables);
+        let points = Points::of(offsets).of_columns(self.of.model.repeats());
+        let values = self.of.model.evaluate(&points, &self.p, &mut tables);
         values.iter().map(|valued| self.of.background.tied(*valued)).collect()
     }
 

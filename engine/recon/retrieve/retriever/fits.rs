@@ -69,8 +69,9 @@ impl Retriever {
             })?;
             return fitter.fit(flat.view(), cancel);
         }
-        let scan = self.scan(&along(view.offsets, 0), view.noise, slits.curve.background);
         let (model, shape) = (&slits.curve.model, &slits.shape);
+        let scan = self.scan(&along(view.offsets, 0), view.noise, slits.curve.background);
+        let scan = scan.of_columns(model.repeats());
         entries(&data, cancel, |_, curve| match self.options.method().estimator() {
             Estimator::ThreePoints => closed::three_step(&scan, curve),
             Estimator::Moments => by_moments(&scan, curve, None),

@@ -19,7 +19,8 @@ use beamlet_model::optics::{Optics, WholePeriods};
 use beamlet_model::scene::Scene;
 
 impl Retriever {
-    /// Makes a method ready for the set-up and the mask offsets of `scene`.
+    /// Makes a method ready for the set-up and the mask offsets of `scene`. Behind masks with shifts its frames are those
+    /// of groups of columns, one for each offset and column, as [`Input`](crate::retrieve::Input) makes them.
     ///
     /// # Errors
     /// [`Error::Argument`] for options that cannot be; [`Error::Scene`] where the method cannot serve
@@ -41,7 +42,6 @@ impl Retriever {
     /// ```
     pub fn new(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
         let options = &options.resolved(scene)?;
-        refuse_shifts(scene)?;
         match Design::of(scene, options)? {
             Some(design) => Self::in_two_directions(scene, &design, options),
             None => Self::of_slits(compute, scene, options),
@@ -82,9 +82,9 @@ impl Retriever {
     }
 
     /// A retriever of slits along z.
-    fn of_slits(compute: &Compute, scene: &Scene, options: &RetrieveOptions) -> Result<Self> {
-        let method = options.method();
-        let period = Optics::of(scene).curve_period();
+    fn of_slits(compute: &Compute, masks: &Scene, options: &RetrieveOptions) -> Result<Self> {
+        let (method, scene) = (options.method(), &masks.of_groups());
+        let period = Optics::of(masks).pattern_period();
         let periods = WholePeriods::in_scan(&scene.scan.mask_offsets, period);
         let view_scans = ViewScans::of_slits(scene, method, periods)?;
         method.check(scene, &scene.scan.mask_offsets)?;
@@ -101,7 +101,7 @@ impl Retriever {
         let layout = if method == Method::Beamlet {
             Layout::Beamlets(Beamlets::of(scene)?)
         } else {
-            let shape = CurveGeometry::of(scene)?.with_background(options.background(), scene)?;
+            let shape = CurveGeometry::of(masks)?.with_background(options.background(), scene)?;
             let model = Model::of(method, &shape);
             let model =
                 model.ok_or_else(|| Error::scene("detector_mask", "nothing", "both masks"))?;
@@ -135,17 +135,4 @@ impl Retriever {
 fn angle_per_shift(scene: &Scene, layout: &Layout) -> f64 {
     let per_shift = if layout.has_beamlets() { 1.0 } else { -scene.magnification() };
     per_shift / scene.lever_arm()
-}
-
-/// Refuses masks with shifts: frames of a retriever have one curve in each pixel.
-fn refuse_shifts(scene: &Scene) -> Result<()> {
-    for (key, mask) in scene.masks() {
-        if !mask.shifts.is_empty() {
-            let found = format!("{} shifts", mask.shifts.len());
-            let allowed = "no shifts: `Input` makes curves of the columns of a group, and \
-                           `Scene::of_groups` is their scene";
-            return Err(Error::scene(format!("{key}.shifts"), found, allowed));
-        }
-    }
-    Ok(())
 }
