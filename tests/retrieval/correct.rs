@@ -84,11 +84,13 @@ fn options(method: Method, correct: &str, is_counts: bool) -> RetrieveOptions {
 
 /// Rms difference of two images in pixels that both have without a flag, outside of the empty beam.
 fn apart(a: &RetrievedArrays, b: &RetrievedArrays, name: &str) -> f64 {
-    let flags = |of: &RetrievedArrays| of.images["flags"].clone();
+    // Curves of uncorrected frames are doubtful.
+    let flags =
+        |of: &RetrievedArrays| of.images["flags"].mapv(|bits| bits as u32 & !flags::DOUBTFUL);
     let (of_a, of_b) = (flags(a), flags(b));
     let (mut sum, mut count) = (0.0, 0.0);
     for (at, value) in a.images[name].indexed_iter() {
-        if of_a[at] == 0.0 && of_b[at] == 0.0 && at.2 > 17 {
+        if of_a[at] == 0 && of_b[at] == 0 && at.2 > 17 {
             sum += f64::from(value - b.images[name][at]).powi(2);
             count += 1.0;
         }

@@ -53,6 +53,7 @@ mod sample_scores;
 mod selection;
 #[cfg(feature = "cli")]
 mod simulated_planes;
+mod solutions;
 mod stacks;
 mod tracking;
 #[cfg(feature = "cli")]

@@ -7,6 +7,7 @@ use super::equations::{Equations, Matrix, UNKNOWNS, Unknowns, covariance};
 use super::flags;
 use super::model::{Model, SLITS, of_slits};
 use super::scan::{Scan, Values};
+use super::starts::{Known, of_period};
 use super::strips::{MOST_CORRELATED, Tables};
 use super::value_noise::Weights;
 
@@ -42,6 +43,8 @@ pub(super) struct Fitting<'a> {
 pub(super) struct Fit {
     pub(super) p: Unknowns,
     pub(super) settled: bool,
+    /// Number of unknowns.
+    pub(super) count: usize,
     /// Inverse of the equations in which all values weigh the same.
     pub(super) even: Option<Matrix>,
     /// Covariance of the unknowns; NaN where the noise is not known.
@@ -55,12 +58,32 @@ pub(super) struct Fit {
     light_sigma: f64,
 }
 
-/// Fits the curve of slits to values. `blur`: its variance, where it is known.
+/// Fits the curve of slits to values, from other starts where this first fit leaves doubts.
+pub(super) fn fit_masks(
+    model: &Model,
+    scan: &Scan,
+    curve: impl Iterator<Item = f32>,
+    known: Known<'_>,
+) -> Curve {
+    fit(model, scan, curve, None, Some(known))
+}
+
+/// Fits the curve of slits to values. `blur`: its variance, where it is no unknown.
 pub(super) fn fit_slits(
     model: &Model,
     scan: &Scan,
     curve: impl Iterator<Item = f32>,
     blur: Option<f64>,
+) -> Curve {
+    fit(model, scan, curve, blur, None)
+}
+
+fn fit(
+    model: &Model,
+    scan: &Scan,
+    curve: impl Iterator<Item = f32>,
+    blur: Option<f64>,
+    known: Option<Known<'_>>,
 ) -> Curve {
     let needed = match (scan.background, blur) {
         (BackgroundTerm::Free, None) => 5,
@@ -83,7 +106,11 @@ pub(super) fn fit_slits(
         BackgroundTerm::Free => start,
         BackgroundTerm::PerArea(_) | BackgroundTerm::Value(_) => fitting.linear(start),
     });
-    fitting.curve_of_slits(&fit)
+    let Some(known) = known else { return fitting.curve_of_slits(&fit) };
+    let (fit, doubts) = fitting.best(fit, known);
+    let mut curve = fitting.curve_of_slits(&fit);
+    curve.flags = doubts | of_period(model, &curve, known.flat, scan.points.ends()[0]);
+    curve
 }
 
 impl Fitting<'_> {
@@ -137,7 +164,8 @@ impl Fitting<'_> {
         };
         let residual = (squares / self.values.values.len() as f64).sqrt();
         let light_sigma = light_variance.sqrt();
-        Fit { p, settled, even, covariance, condition, inflation, residual, light_sigma }
+        let count = equations.count();
+        Fit { p, settled, count, even, covariance, condition, inflation, residual, light_sigma }
     }
 
     /// Height of a curve above its background.

@@ -31,6 +31,9 @@ pub const MISFIT: u32 = 1 << 20;
 /// then, or of the sample, whose dark field is NaN (`beamlet`). The refraction is NaN where they do
 /// not determine its centre. A bit of a pixel.
 pub const UNRESOLVED: u32 = 1 << 21;
+/// Another curve of the masks may be the right one: another solution fits as well, and there are no uncertainties; a
+/// whole period may be missing from the angle; or no solution explains the values. A bit of a pixel.
+pub const DOUBTFUL: u32 = 1 << 23;
 /// A pixel that is named as bad, or a beamlet of such pixels: it has no result. A bit of a pixel, alone.
 pub const BAD_PIXEL: u32 = 1 << 22;
 
@@ -41,7 +44,7 @@ pub const BITS: u32 = 10;
 pub const NO_ANSWER: u32 = DEAD | NOT_FINITE | FEW | NOT_CONVERGED | WIDTH | NO_PEAK;
 
 /// Each bit of a pixel with its name and meaning.
-pub const OF_PIXEL: [(u32, &str, &str); 3] = [
+pub const OF_PIXEL: [(u32, &str, &str); 4] = [
     (MISFIT, "misfit", "the contrasts do not continue those of the neighbours"),
     (
         UNRESOLVED,
@@ -49,6 +52,11 @@ pub const OF_PIXEL: [(u32, &str, &str); 3] = [
         "pixels too wide, or counts too few, to determine the width of the beamlet",
     ),
     (BAD_PIXEL, "bad_pixel", "excluded as a bad pixel (--bad-pixels)"),
+    (
+        DOUBTFUL,
+        "doubtful",
+        "another curve of the masks may be the right one: another solution fits as well (uncertainties are NaN), the angle may be a period of the sample mask off, or residuals exceed the noise and the error of the curve",
+    ),
 ];
 
 /// Each bit of a curve with its name and meaning, for files and tables.
@@ -77,5 +85,5 @@ pub const MEANINGS: [(u32, &str, &str); 10] = [
 #[must_use]
 pub const fn of_pixel(flat: u32, sample: u32) -> u32 {
     let of_curve = (1 << BITS) - 1;
-    (flat & of_curve) | (sample & of_curve) << BITS | ((flat | sample) & UNRESOLVED)
+    (flat & of_curve) | (sample & of_curve) << BITS | ((flat | sample) & (UNRESOLVED | DOUBTFUL))
 }

@@ -38,6 +38,7 @@ mod rims;
 mod run;
 mod scan;
 mod shape;
+mod starts;
 mod strips;
 mod value_noise;
 

@@ -86,6 +86,14 @@ impl Model {
         }
     }
 
+    /// Period of the curve, m; `None` of curves that do not repeat.
+    pub(super) fn period(&self) -> Option<f64> {
+        match self {
+            Self::Masks(masks) => Some(masks.mean().recip()),
+            Self::Trapezoid { .. } | Self::Strips(_) => None,
+        }
+    }
+
     /// Number of terms of a value.
     pub(super) fn terms(&self) -> usize {
         match self {

@@ -4,11 +4,12 @@ use super::super::background_term::BackgroundTerm;
 use super::super::beamlets::Beamlets;
 use super::super::closed;
 use super::super::curves::{Curve, Fits, SlitCurve};
-use super::super::fit::fit_slits;
+use super::super::fit::{fit_masks, fit_slits};
 use super::super::method::{Estimator, Method};
 use super::super::moments::by_moments;
 use super::super::quadrature;
 use super::super::scan::{Scan, along};
+use super::super::starts::Known;
 use super::super::value_noise::{NoiseFactors, ValueNoise, Weights};
 use super::Retriever;
 use super::layout::{Layout, SlitCurves};
@@ -38,7 +39,9 @@ impl Retriever {
         }
         let flat = known.and_then(|(flat, first)| flat.planar(first));
         match &self.layout {
-            Layout::Pixels(slits) => self.slits(slits, data, scan, cancel).map(Fits::Slits),
+            Layout::Pixels(slits) => {
+                self.slits(slits, data, scan, (known, cancel)).map(Fits::Slits)
+            }
             Layout::Beamlets(beamlets) => {
                 self.beamlets(beamlets, &data, scan, (known, cancel)).map(Fits::Slits)
             }
@@ -60,7 +63,7 @@ impl Retriever {
         slits: &SlitCurves,
         data: Array3<f32>,
         view: &ViewScan<'_>,
-        cancel: &Cancel,
+        (known, cancel): (Option<(&Fits, usize)>, &Cancel),
     ) -> Result<Vec<SlitCurve>> {
         let (steps, rows, columns) = data.dim();
         if let Some(fitter) = &view.fitter {
@@ -72,13 +75,20 @@ impl Retriever {
         let (model, shape) = (&slits.curve.model, &slits.shape);
         let scan = self.scan(&along(view.offsets, 0), view.noise, slits.curve.background);
         let scan = scan.of_columns(model.repeats());
-        entries(&data, cancel, |_, curve| match self.options.method().estimator() {
+        let knows_masks = self.options.method() == Method::ExactCurve;
+        entries(&data, cancel, |at, curve| match self.options.method().estimator() {
             Estimator::ThreePoints => closed::three_step(&scan, curve),
             Estimator::Moments => by_moments(&scan, curve, None),
             Estimator::TwoPoints => {
                 let reach = shape.reach_of_two(2.0 * scan.half());
                 let known = closed::KnownBlur { model, blur: shape.spread(), reach };
                 closed::two_points(&scan, known, curve)
+            }
+            Estimator::Device | Estimator::LeastSquares if knows_masks => {
+                let flat = known.and_then(|(flat, first)| flat.curve(first + at));
+                let misfit = self.flat.as_ref().map_or(0.0, |flat| flat.misfit);
+                let known = Known { blur: shape.spread(), flat: flat.as_ref(), misfit };
+                fit_masks(model, &scan, curve, known)
             }
             Estimator::Device | Estimator::LeastSquares => fit_slits(model, &scan, curve, None),
         })

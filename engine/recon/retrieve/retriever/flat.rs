@@ -23,6 +23,8 @@ pub(super) struct Flat {
     pub(super) frame_columns: usize,
     /// Median widths of the curves along x and z, m; NaN where no curve has one.
     pub(super) widths: [f64; 2],
+    /// Median residual of the curves, rms over the height; 0 where none has one.
+    pub(super) misfit: f64,
     /// Noise of the values.
     noise: NoiseFactors,
 }
@@ -128,7 +130,9 @@ impl Retriever {
             all.put(band.start as usize * shape[1], curves);
             Ok(())
         })?;
+        let misfits = all.known().map(|curve| curve.residual / curve.amplitude).collect();
         self.flat = Some(Flat {
+            misfit: median(misfits).unwrap_or(0.0),
             widths: [0, 1].map(|axis| median(all.widths(axis)).unwrap_or(f64::NAN)),
             curves: all,
             shape,
