@@ -4,7 +4,7 @@ mod begun;
 mod flat;
 mod views;
 
-use super::correct::{Corrector, table};
+use super::correct::{Corrector, table, undetermined};
 use super::diagnosis::Diagnosis;
 use super::images::{FLAGS, Images, PHASE, sample, unit};
 use super::input::Input;
@@ -377,5 +377,6 @@ fn retrieve_views(
     record.drift = phases.map(|phases| phases.drift());
     record.correct = options.correct.names();
     record.corrections = views.corrections;
+    record.warnings.extend(undetermined(&record.corrections));
     Ok(())
 }

@@ -108,6 +108,27 @@ pub struct ViewCorrection {
     pub plane_z: Option<Plane>,
 }
 
+impl ViewCorrection {
+    /// Frames, and those of which a dose or a displacement along x is unknown where both were to be found.
+    pub(super) fn unknown(&self) -> [usize; 2] {
+        let pairs = self.dose.iter().zip(&self.steps);
+        let unknown = pairs.filter(|(dose, shift)| dose.is_none() || shift.is_none());
+        [self.dose.len().min(self.steps.len()), unknown.count()]
+    }
+}
+
+/// A warning of frames whose doses and displacements the empty beam does not both determine; `None` without any.
+pub(in crate::retrieve) fn undetermined(views: &[ViewCorrection]) -> Option<String> {
+    let all = views.iter().map(ViewCorrection::unknown);
+    let [frames, unknown] = all.fold([0; 2], |[a, b], [frames, unknown]| [a + frames, b + unknown]);
+    (unknown > 0).then(|| {
+        format!(
+            "dose and mask offset of {unknown} of {frames} frames are not both determined: they need columns of empty beam \
+             whose curves have different centres, as a fringe of the masks has; choose --correct dose or --correct steps"
+        )
+    })
+}
+
 /// Slopes of a plane of the refraction angle.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 #[non_exhaustive]

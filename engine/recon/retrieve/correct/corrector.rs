@@ -194,10 +194,11 @@ impl Corrector {
         };
         let [doses, along_x, along_z] = found.known(set.widths);
         let is_unknown = |values: &[Option<[f64; 2]>]| values.iter().all(Option::is_none);
-        if dose && is_unknown(&doses) {
+        // Of both nothing may be known: fields are empty, and a warning names the choice.
+        if dose && !steps && is_unknown(&doses) {
             return unsolved("doses");
         }
-        if steps && is_unknown(&along_x) && (of.axes == 1 || is_unknown(&along_z)) {
+        if steps && !dose && is_unknown(&along_x) && (of.axes == 1 || is_unknown(&along_z)) {
             return unsolved("offsets");
         }
         let value = |(chosen, pair): (bool, &[f64; 2])| if chosen { pair[0] } else { 1.0 };

@@ -57,7 +57,7 @@ impl Unknowns {
     }
 
     /// Indices of the dose and of the displacements of a frame.
-    fn of(self, frame: usize) -> impl Iterator<Item = usize> + Clone {
+    pub(super) fn of(self, frame: usize) -> impl Iterator<Item = usize> + Clone {
         let shifts = (0..self.axes).map(move |axis| self.shift(frame, axis));
         std::iter::once(self.dose(frame)).chain(shifts)
     }

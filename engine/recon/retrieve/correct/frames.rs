@@ -61,8 +61,29 @@ impl Frames {
 struct Solution {
     at: Vec<f64>,
     covariance: Vec<Vec<f64>>,
+    /// Products of slopes over the variances, without the scatter.
+    data: Vec<Vec<f64>>,
     /// Squares of residuals and of the scatter.
     objective: f64,
+}
+
+impl Solution {
+    /// Deviations of the dose of a frame and of its displacements in widths by its own pixels, without the scatter of the
+    /// frames, which stands for pixels that do not tell a dose from a displacement; infinite where one follows from the
+    /// others, and 0 where one of them alone is unknown.
+    fn by_data(&self, of: Unknowns, frame: usize) -> [f64; 3] {
+        if !(of.dose && of.steps) {
+            return [0.0; 3];
+        }
+        let own: Vec<usize> = of.of(frame).collect();
+        let row = |i: &usize| own.iter().map(|j| self.data[*i][*j]).collect::<Vec<f64>>();
+        let inverse = scaled_inverse(&own.iter().map(row).collect::<Vec<_>>());
+        std::array::from_fn(|i| match &inverse {
+            _ if i >= own.len() => 0.0,
+            Some(inverse) => inverse[i][i].max(0.0).sqrt(),
+            None => f64::INFINITY,
+        })
+    }
 }
 
 /// Solves for the frames of a view; `None` where the equations are singular.
@@ -132,18 +153,23 @@ fn near_peak(best: &Solution, set: &PixelSet<'_>, of: Unknowns) -> Vec<(FrameAxi
 
 /// Values with their uncertainties.
 fn frames(best: &Solution, set: &PixelSet<'_>, of: Unknowns, unsure: &[Vec<f64>; 2]) -> Frames {
-    let sigma = |i: usize| best.covariance[i][i].max(0.0).sqrt();
+    let by_data: Vec<[f64; 3]> = (0..of.frames).map(|k| best.by_data(of, k)).collect();
+    let sigma = |i: usize, by_data: f64, most: f64| match by_data > most {
+        true => f64::INFINITY,
+        false => best.covariance[i][i].max(0.0).sqrt(),
+    };
     let dose = |k: usize| {
         let i = of.dose(k);
         let dose = best.at[i].exp();
-        [dose, dose * sigma(i)]
+        [dose, dose * sigma(i, by_data[k][0], UNKNOWN[0])]
     };
     let shift = |axis: usize, k: usize| {
         if axis >= of.axes {
             return [0.0; 2];
         }
         let (i, width) = (of.shift(k, axis), set.widths[axis]);
-        let sigma = sigma(i).hypot(unsure[axis][k]).hypot(OF_SLOPE * best.at[i]);
+        let sigma = sigma(i, by_data[k][1 + axis], UNKNOWN[1]);
+        let sigma = sigma.hypot(unsure[axis][k]).hypot(OF_SLOPE * best.at[i]);
         [width * best.at[i], width * sigma]
     };
     Frames {
@@ -181,7 +207,8 @@ impl Search<'_> {
             let settled = settled || (self.held && largest < SETTLED);
             if settled || step + 1 == STEPS {
                 let objective = system.squares + self.prior(&at);
-                return Ok(Some(Solution { at, covariance, objective }));
+                let data = system.matrix;
+                return Ok(Some(Solution { at, covariance, data, objective }));
             }
         }
         Ok(None)

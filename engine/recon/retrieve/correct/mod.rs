@@ -17,6 +17,7 @@ mod pixels;
 mod plane;
 mod table;
 
+pub(super) use chosen::undetermined;
 pub use chosen::{Corrections, Plane, ViewCorrection};
 pub(crate) use corrector::{Corrector, FrameCorrection};
 pub(crate) use pixels::Rectangle;
