@@ -115,10 +115,10 @@ pub mod spectrum {
 /// Stacks of frames, and the sinks that take them.
 pub mod stack {
     pub use beamlet_files::{
-        Abilities, ArraySink, CallbackSink, CountStacks, FORMAT_VERSION, Format, GeometryFile,
-        JoinOptions, JoinedPart, Maps, OpenRun, Order, Platform, RunCheck, RunDirectory, RunFile,
-        RunRecord, RunStart, RunState, SamplingError, SamplingSummary, SearchCounts, Sink,
-        StackFile, StackShape, Stacks, ViewAngles, ViewRange, canonical, check_run, is_of_run,
-        is_same_place, join, layout, refuse_overlap, views,
+        Abilities, ArraySink, CallbackSink, CountStacks, FORMAT_VERSION, Format, FrameOrder,
+        GeometryFile, JoinOptions, JoinedPart, Maps, OpenRun, Order, Platform, RunCheck,
+        RunDirectory, RunFile, RunRecord, RunStart, RunState, SamplingError, SamplingSummary,
+        SearchCounts, Sink, StackFile, StackShape, Stacks, ViewAngles, ViewRange, canonical,
+        check_run, is_of_run, is_same_place, join, layout, refuse_overlap, views,
     };
 }

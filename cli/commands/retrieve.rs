@@ -89,8 +89,8 @@ fn measured(given: &RetrieveArguments) -> Result<(Input, PathBuf), Failure> {
     if let Some(offsets) = &given.offsets {
         scene.scan.replace_offsets(offsets.lengths()?);
     }
-    let flat = StackFile::open(flat)?;
-    let sample = StackFile::open(sample)?;
+    let flat = StackFile::open(flat)?.with_order(given.frame_order);
+    let sample = StackFile::open(sample)?.with_order(given.frame_order);
     let dark = given.dark.as_ref().map(StackFile::open).transpose()?;
     let others: Vec<PathBuf> = std::iter::once(geometry.clone()).chain(given.lists()).collect();
     let input = Input::measured(&scene, flat, sample, dark.as_ref())?.with_read(&others);

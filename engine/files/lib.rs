@@ -36,7 +36,7 @@ pub use geometry_file::{GeometryFile, Order, index_of, place_of};
 pub use image_folder::{ImageDirectory, Kind};
 pub use inputs::{InputHashes, refuse_changed, working_directory};
 pub use part::{ViewRange, views_of_part};
-pub use read::{Maps, OpenRun, StackFile};
+pub use read::{FrameOrder, Maps, OpenRun, StackFile};
 pub use record::{
     AuditedError, FacetKink, Platform, RunProfile, RunRecord, RunStart, SamplingError,
     SamplingSummary, SearchCounts,

@@ -30,6 +30,7 @@ mod geometry_file;
 mod groups;
 mod ideal;
 mod lab_faults;
+mod lab_values;
 mod leaking_masks;
 #[cfg(feature = "cli")]
 mod measured;

@@ -5,10 +5,12 @@
 
 mod checksums;
 mod folder;
+mod frame_order;
 mod maps;
 mod run;
 mod stack_file;
 
+pub use frame_order::FrameOrder;
 pub use maps::Maps;
 pub use run::OpenRun;
 pub(crate) use run::read_scene;

@@ -2,6 +2,7 @@
 
 use super::checksums::Checksums;
 use super::folder::{self, FolderFrames};
+use super::frame_order::FrameOrder;
 use beamlet_core::array_file::{ArrayFile, Format, Value, endings, refuse_wide};
 use beamlet_core::{Error, Result, folder as folder_names, numbers, reserve};
 use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
@@ -27,6 +28,7 @@ use std::sync::Arc;
 pub struct StackFile {
     path: PathBuf,
     shape: [usize; 4],
+    order: FrameOrder,
     source: StackSource,
     /// True if values (of the first frame of a folder) have 8 bits.
     has_bytes: bool,
@@ -83,7 +85,8 @@ impl StackFile {
         let path = PathBuf::from(name);
         refuse_wide(&path, [shape[2], shape[3]])?;
         let source = StackSource::Values(StackValues(Box::new(read)));
-        Self { path, shape, source, has_bytes: false, checksums: None }.refuse_empty()
+        let order = FrameOrder::ViewStep;
+        Self { path, shape, order, source, has_bytes: false, checksums: None }.refuse_empty()
     }
 
     /// Opens a stack: reads headers, no values.
@@ -133,8 +136,8 @@ impl StackFile {
         }
         let has_bytes = file.has_bytes();
         let source = StackSource::File(file);
-        let stack = Self { path: path.to_path_buf(), shape, source, has_bytes, checksums: None };
-        stack.refuse_empty()
+        let (path, order) = (path.to_path_buf(), FrameOrder::ViewStep);
+        Self { path, shape, order, source, has_bytes, checksums: None }.refuse_empty()
     }
 
     fn open_folder(path: &Path) -> Result<Self> {
@@ -148,7 +151,8 @@ impl StackFile {
         };
         let shape = [frames.views, frames.files.len() / frames.views.max(1), rows, columns];
         let source = StackSource::Frames(frames);
-        let stack = Self { path: path.to_path_buf(), shape, source, has_bytes, checksums: None };
+        let (own, order) = (path.to_path_buf(), FrameOrder::ViewStep);
+        let stack = Self { path: own, shape, order, source, has_bytes, checksums: None };
         if log::log_enabled!(log::Level::Info) {
             let names = stack.frame_names().unwrap_or_default();
             let (count, all) = (names.len(), names.join(", "));
@@ -168,6 +172,24 @@ impl StackFile {
         Ok(self)
     }
 
+    /// The same frames in another order: views and steps of four dimensions, or of folders in a folder, change places.
+    /// Frames that are one list become views by [`StackFile::with_steps`].
+    #[must_use]
+    pub const fn with_order(mut self, order: FrameOrder) -> Self {
+        if matches!(order, FrameOrder::StepView) && self.shape[0] > 1 {
+            let [views, steps, rows, columns] = self.shape;
+            self.shape = [steps, views, rows, columns];
+        }
+        self.order = order;
+        self
+    }
+
+    /// Order of the frames.
+    #[must_use]
+    pub const fn order(&self) -> FrameOrder {
+        self.order
+    }
+
     /// The same frames as views of `steps` steps each: files of pages do not say where a view ends.
     ///
     /// # Errors
@@ -182,15 +204,19 @@ impl StackFile {
             && sides.len() > 1
             && views == 1
         {
-            // Frames of a view are numbered by the last numbers.
-            let within = sides.iter().rev().scan(1, |all, side| {
+            // Frames of a view are numbered by the last numbers, or steps by the first ones.
+            let (of_steps, name) = match self.order {
+                FrameOrder::ViewStep => (sides.iter().rev().collect::<Vec<_>>(), "last"),
+                FrameOrder::StepView => (sides.iter().collect(), "first"),
+            };
+            let within = of_steps.into_iter().scan(1, |all, side| {
                 *all *= side;
                 Some(*all)
             });
             if within.into_iter().all(|frames| frames != steps) {
                 let sides: Vec<String> = sides.iter().map(usize::to_string).collect();
                 let problem = format!(
-                    "has names with {} different numbers, the last of which counts steps; expected \
+                    "has names with {} different numbers, the {name} of which counts steps; expected \
                      {steps} steps",
                     sides.join(" x ")
                 );
@@ -348,7 +374,7 @@ impl StackFile {
             );
             return Err(Error::file(&self.path, problem, None));
         }
-        let index = view * steps + step;
+        let index = self.order.index([view, step], [views, steps]);
         if let Some(whole) = self.compared(index)? {
             let part = whole.slice(s![index % whole.dim().0, range, ..]);
             return Ok(part.mapv(|value| T::rounded(value.into())));

@@ -18,6 +18,7 @@ use beamlet_core::options::{
     SWITCH, TEXTS, any_length, choice, choices, numbers_of, words_of,
 };
 use beamlet_core::{Error, Result, numbers, options};
+use beamlet_files::FrameOrder;
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -26,7 +27,7 @@ options! {
     RetrieveArguments;
     run: Option<PathBuf> = FILE.named("RUN"), Without(""),
         [Program, Position, Unless("flat"), Excludes(&["flat", "flats_every", "sample", "dark", "geometry", "offsets",
-            "offsets_z", "set"])],
+            "offsets_z", "set", "frame_order"])],
         "Run directory of `beamlet simulate`";
     flat: Option<PathBuf> = FILE, Without(""), [Program, Needs(&["sample", "geometry", "output"])],
         "Flat frames: NPY, EXR, TIFF, a folder of frames, or a pattern for names in a folder, as 'raw/flat_*' (in quotes)";
@@ -34,6 +35,8 @@ options! {
         "Views between one flat and the next, if --flat has several: the flat of a view is interpolated between the two nearest";
     sample: Option<PathBuf> = FILE, Without(""), [Program, Needs(&["flat"])],
         "Sample frames, one view or several, as --flat";
+    frame_order: FrameOrder = choice::<FrameOrder>("ORDER", "str"), Usual("view,step"), [Program, Needs(&["flat"])],
+        "Order of the frames of --flat and --sample";
     dark: Option<PathBuf> = FILE, Without(""), [Program, Needs(&["flat"])],
         "Frames without beam; their mean is subtracted";
     bad_pixels: Option<PathBuf> = FILE.in_python("ArrayLike", "bool or numbers, (row, column)"), Without(""), [],

@@ -4,6 +4,7 @@ mod bad_pixels;
 mod correction;
 mod faults;
 mod flats;
+mod full_scale;
 mod offsets;
 mod omitted;
 mod open;
@@ -16,9 +17,10 @@ use beamlet_core::array_file::Format;
 use beamlet_core::cancel::Aside;
 use beamlet_core::{Error, Result};
 use beamlet_files::layout::GEOMETRY;
-use beamlet_files::{InputHashes, StackFile};
+use beamlet_files::{FrameOrder, InputHashes, StackFile};
 use beamlet_model::scene::{Scene, Transport};
 use correction::{Correction, LEFT_OUT};
+use full_scale::Largest;
 use ndarray::Array3;
 pub use offsets::offsets;
 use selection::Selection;
@@ -36,6 +38,8 @@ pub struct Input {
     /// Views between one flat and the next; `None` where there is one flat, or one for each view.
     flats_every: Option<u32>,
     correction: Correction,
+    /// Largest values of flat and sample, of measured stacks.
+    largest: [Largest; 2],
     selection: Selection,
     /// Mask steps of the files that are left out, ascending.
     omitted: Vec<usize>,
@@ -72,6 +76,7 @@ impl Input {
             sample,
             flats_every: None,
             correction: Correction::default(),
+            largest: Default::default(),
             selection,
             omitted: Vec::new(),
             limit: None,
@@ -149,6 +154,19 @@ impl Input {
         &self.warnings
     }
 
+    /// Warnings of stacks whose largest value is that of a full camera, after their rows were read.
+    pub(super) fn full_scale(&self) -> impl Iterator<Item = String> {
+        let stacks = [&self.flat, &self.sample].into_iter().zip(&self.largest);
+        stacks.filter_map(|(stack, largest)| {
+            let (value, count) = largest.full_scale()?;
+            Some(format!(
+                "{}: {count} values are {value}, and hardly any lies just below: the camera is saturated there, which makes \
+                 transmission and dark field wrong; --saturation {value} leaves these values out",
+                stack.path().display()
+            ))
+        })
+    }
+
     /// A warning where a method fits the curve of ray optics to a run by waves.
     pub(super) fn other_optics(&self, method: Method) -> Option<String> {
         let by_waves = self.is_run && self.scene.sampling.transport == Transport::Wave;
@@ -180,6 +198,18 @@ impl Input {
     #[must_use]
     pub const fn frames(&self) -> &BTreeMap<String, Vec<String>> {
         &self.frames
+    }
+
+    /// Order of the frames of the stacks.
+    pub(super) const fn frame_order(&self) -> FrameOrder {
+        self.sample.order()
+    }
+
+    /// Views and steps of the sample where its steps are those of the files; `None` where steps are left out, or columns of
+    /// groups are points of curves.
+    pub(super) const fn extent_of_files(&self) -> Option<[usize; 2]> {
+        let [views, steps, ..] = self.sample.shape();
+        if self.omitted.is_empty() && self.group() == 1 { Some([views, steps]) } else { None }
     }
 
     /// Files and folders of the stacks.
@@ -287,8 +317,11 @@ impl Input {
                 // Their names say something else.
                 return error;
             }
-            let problem =
+            let mut problem =
                 format!("has {frames} frames in each of {views} views for {steps} mask offsets");
+            if views == steps {
+                problem += "; --frame-order step,view reads a folder, or the first index of an array, as a mask step";
+            }
             Error::file(path, problem, None)
         })?;
         self.check_flats()?;
@@ -300,19 +333,23 @@ impl Input {
     /// # Errors
     /// As [`StackFile::rows`].
     pub fn sample_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
-        self.values(&self.sample, view, &rows, times::during(view))
+        let sample = (&self.sample, &self.largest[1]);
+        self.values(sample, view, &rows, times::during(view))
     }
 
     /// Rows of a view that is taken at this time, corrected, of the pixels that are kept.
     fn values(
         &self,
-        stack: &StackFile,
+        (stack, largest): (&StackFile, &Largest),
         view: usize,
         rows: &Range<u32>,
         time: f64,
     ) -> Result<Array3<f32>> {
         let rows = self.selection.rows(rows);
         let mut data = self.kept_steps(stack.rows(view, rows.clone())?);
+        if self.is_measured() && self.saturation().is_none() {
+            largest.add(&data);
+        }
         self.correction.apply(&mut data, &rows, time)?;
         let mut data = self.selection.of(data, self.counts);
         if let Some(limit) = self.limit {

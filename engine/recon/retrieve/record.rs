@@ -6,6 +6,7 @@ use super::mask_curve::MaskCurve;
 use super::phase::Drift;
 use super::response::Response;
 use beamlet_core::{Error, Result, input_file};
+use beamlet_files::FrameOrder;
 use beamlet_files::layout::RECORD;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
@@ -67,6 +68,9 @@ pub struct Record {
     /// Files that were read as frames, in their order, of each folder of `sources` and `dark`.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub frames: BTreeMap<String, Vec<String>>,
+    /// Order of the frames of `sources`.
+    #[serde(default, skip_serializing_if = "is_usual")]
+    pub frame_order: FrameOrder,
     /// Frames without beam that were subtracted; `None` where there were none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dark: Option<String>,
@@ -221,6 +225,10 @@ impl Record {
 #[allow(clippy::trivially_copy_pass_by_ref, reason = "serde hands over a reference")]
 const fn is_zero(length: &f64) -> bool {
     *length == 0.0
+}
+
+fn is_usual(order: &FrameOrder) -> bool {
+    *order == FrameOrder::default()
 }
 
 #[cfg(test)]

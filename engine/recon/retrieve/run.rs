@@ -33,6 +33,9 @@ use std::path::Path;
 use std::time::Instant;
 use views::Views;
 
+/// Share of pixels without a result of a sample whose values are noise: a few may have one by chance.
+const SOME: f64 = 0.8;
+
 /// Where images go.
 #[derive(Debug, Clone, Copy)]
 #[non_exhaustive]
@@ -269,7 +272,7 @@ fn retrieve_to(
     let cancel = control.cancel.clone();
     let mut inner = RowsControl { progress: Some(&mut advance), cancel: cancel.clone() };
     let hashes = input.hashes();
-    let mut diagnosis = Diagnosis::begin(&retriever, &options, input.frame(), input.is_measured())?;
+    let mut diagnosis = Diagnosis::begin(&retriever, &options, &input)?;
     let [down, across] = take_flat(&input, &mut retriever, &mut diagnosis, &mut inner)?;
     let joined = retriever.joined(&input);
     let across = joined.as_ref().map_or(across, |joined| joined.order().len());
@@ -293,6 +296,7 @@ fn retrieve_to(
     retrieve_views(views, &options, &mut output, &mut inner)?;
     let mut record = output.record;
     let of_input = input.warnings().iter().cloned().chain(input.other_optics(options.method()));
+    let of_input = of_input.chain(input.full_scale());
     diagnosis.finish(&mut record, &retriever, &of_input.collect::<Vec<_>>())?;
     let response_of = |other: &RetrieveOptions| Retriever::new(compute, &scene, other)?.response();
     response::enter(&mut record, &options, retriever.response()?, response_of)?;
@@ -343,6 +347,25 @@ fn options_for(input: &Input, options: &RetrieveOptions) -> Result<RetrieveOptio
     Ok(options.with_saturation(input.saturation()).with_read_noise(noise))
 }
 
+/// Refuses a sample without light: no pixel of any view has a result, or next to none where values are those of noise.
+///
+/// # Errors
+/// [`Error::Argument`] with the reasons and their numbers of pixels.
+fn refuse_darkness(record: &Record, diagnosis: &Diagnosis) -> Result<()> {
+    let pixels = record.shape.iter().product::<usize>() as u64;
+    let share = if diagnosis.is_dark() { SOME } else { 1.0 };
+    if diagnosis.names_fault() || (record.without_answer as f64) < share * pixels as f64 {
+        return Ok(());
+    }
+    let counted = record.flagged.iter().filter(|(_, count)| **count > 0);
+    let reasons: Vec<String> =
+        counted.map(|(bit, count)| format!("{count} pixels: {}", record.flags[bit])).collect();
+    let without = record.without_answer;
+    let found = format!("{without} of {pixels} pixels without a result ({})", reasons.join("; "));
+    let allowed = "a sample with light: check its values, the dark and the order of frames";
+    Err(Error::argument("sample", found, allowed))
+}
+
 /// Retrieves and hands over the images of every angle, and of its flat if it has one, with corrections and phase where
 /// `options` has them, and enters the results of all into the record.
 fn retrieve_views(
@@ -373,6 +396,7 @@ fn retrieve_views(
         residuals.extend(median(left.map(|left| f64::from(*left)).collect()));
     }
     let record = &mut output.record;
+    refuse_darkness(record, views.diagnosis)?;
     record.residual = median(residuals).filter(|residual| *residual > 0.0);
     record.drift = phases.map(|phases| phases.drift());
     record.correct = options.correct.names();

@@ -52,6 +52,11 @@ impl Leverage {
         [found, self.expected()]
     }
 
+    /// Measured values less those of the curve, over a height.
+    pub(super) fn residuals(&self, measured: &[f64], height: f64) -> Vec<f64> {
+        measured.iter().zip(&self.values).map(|(y, fitted)| (y - fitted) / height).collect()
+    }
+
     /// Expected sum of weighted squares of residuals.
     fn expected(&self) -> f64 {
         let terms = (0..self.values.len())

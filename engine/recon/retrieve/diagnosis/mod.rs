@@ -6,8 +6,12 @@
 //! - `fitted.rs`: value and slopes of the curve that was fitted to a pixel;
 //! - `leverage.rs`: share of a value that the fit follows;
 //! - `chi_square.rs`: residuals over the noise of photons;
+//! - `excess.rs`: residuals of the sample beside those of the flat;
+//! - `exchanged.rs`: neighbouring steps in the other order;
+//! - `below_zero.rs`: frames with more negative values than noise has;
 //! - `steps.rs`: dose and offsets of steps, from residuals that all pixels share;
 //! - `light.rs`: samples with more light than the flat, or divided by it;
+//! - `transposed.rs`: views and steps in another order;
 //! - `estimate.rs`: medians with their uncertainty;
 //! - `region.rs`: a rectangle of pixels;
 //! - `empty_beam.rs`: transmission, refraction, dose and drift where nothing is in the beam;
@@ -16,17 +20,21 @@
 //! - `warnings.rs`: all of them, as lines for the log and the record;
 //! - `collected.rs`: the diagnosis of a retrieval, view by view.
 
+mod below_zero;
 mod borders;
 mod chi_square;
 mod collected;
 mod empty_beam;
 mod estimate;
+mod excess;
+mod exchanged;
 mod fitted;
 mod leverage;
 mod light;
 mod moments;
 mod region;
 mod steps;
+mod transposed;
 mod warnings;
 mod watched;
 

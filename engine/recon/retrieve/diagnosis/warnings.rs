@@ -1,7 +1,10 @@
 //! Findings as lines for the log and the record: the fault, its likely cause, the remedy.
 
+use super::below_zero::BelowZero;
 use super::collected::Findings;
 use super::empty_beam::{EmptyBeam, EmptyBeamOfView};
+use super::excess::Excess;
+use super::exchanged::Exchanged;
 use super::light::LightCounts;
 use super::moments::MomentsErrors;
 use crate::retrieve::misfit::median;
@@ -27,6 +30,9 @@ pub(super) fn of(
     of_misfit: Option<[f64; 2]>,
     empty: Option<&EmptyBeam>,
 ) -> Vec<String> {
+    if found.measured && found.transposed.is_likely() {
+        return vec![found.transposed.warning()];
+    }
     if found.divided > 0 {
         // Nothing else that was retrieved from such values means anything.
         return vec![format!(
@@ -37,6 +43,10 @@ pub(super) fn of(
     }
     let measured = found.measured;
     [
+        below_zero(found, 0),
+        below_zero(found, 1),
+        excess(found),
+        exchanged(found),
         brighter(found).filter(|_| measured),
         fainter(found).filter(|_| measured),
         dose(found),
@@ -61,6 +71,47 @@ fn place(found: &Findings, count: usize, worst: Option<usize>) -> String {
         (all, None) => format!("{count} of {all} views: "),
         (all, Some(view)) => format!("{count} of {all} views, most in view {view}: "),
     }
+}
+
+/// Frames of the flat (0) or of the sample (1).
+fn below_zero(found: &Findings, stack: usize) -> Option<String> {
+    let all = found.below_zero[stack].iter().copied();
+    let (count, view, BelowZero { step, share }) = worst(all, |of| of.share)?;
+    Some(format!(
+        "{}{:.0} % of the values of the {} at mask step {step} are negative, where noise about zero has 50 %: a dark or \
+         a pedestal was subtracted twice, or is not that of these frames",
+        place(found, count, Some(view)),
+        100.0 * share,
+        ["flat", "sample"][stack]
+    ))
+}
+
+fn excess(found: &Findings) -> Option<String> {
+    let (count, view, of) = worst(found.excesses.iter().copied(), |of| of.ratio)?;
+    let Excess { ratio, residual } = of;
+    Some(format!(
+        "{}the curves of the sample are not those of the masks: reduced chi squared is {ratio:.0} times that of the flat, \
+         residuals are {:.1} % of the height (rms, median of the pixels); check that the dark, the exposure and the \
+         order of the frames of the sample are those of the flat",
+        place(found, count, Some(view)),
+        100.0 * residual
+    ))
+}
+
+fn exchanged(found: &Findings) -> Option<String> {
+    let (count, view, of) = worst(found.exchanged.iter().copied(), |of| of.lower)?;
+    let Exchanged { step, of_flat, lower } = of;
+    let (whose, remedy) = match of_flat {
+        true => ("flat and sample", "exchange their offsets"),
+        false => ("the sample", "exchange its frames"),
+    };
+    Some(format!(
+        "{}mask steps {step} and {} of {whose} may be exchanged: in the other order the squares of the residuals are {:.0} % \
+         smaller; {remedy}",
+        place(found, count, Some(view)),
+        step + 1,
+        100.0 * lower
+    ))
 }
 
 fn brighter(found: &Findings) -> Option<String> {
@@ -170,15 +221,13 @@ fn unsteady(found: &Findings) -> Option<String> {
 }
 
 fn misfit(found: &Findings, [misfit, of_masks]: [f64; 2]) -> Option<String> {
-    let own = median(found.chi_squares.iter().map(|pair| pair[0]).collect())?;
-    let chi_square = match found.is_noise_known {
-        true => format!("; reduced chi squared {own:.1}"),
-        false => String::new(),
-    };
+    let own = median(found.chi_squares.iter().map(|pair| pair[0]).collect());
+    let own = own.filter(|_| found.is_noise_known);
+    let chi_square = own.map_or_else(String::new, |own| format!("; reduced chi squared {own:.1}"));
     Some(format!(
         "the curves of flat and sample differ from the fitted ones by {:.1} % of their height (rms{chi_square}), \
-         where the curve of the masks leaves {:.1} %: a frame may be missing or the offsets may have another \
-         order; check --offsets, and masks and spot of the geometry",
+         alike in all pixels, where the curve of the masks leaves {:.1} %: a frame may be missing or the offsets may \
+         have another order; check --offsets, and distances, masks and spot of the geometry",
         100.0 * misfit,
         100.0 * of_masks
     ))

@@ -17,8 +17,8 @@ pub(super) struct Watched {
     columns: usize,
     /// Values from here on are left out: NaN.
     saturation: f32,
-    /// Values below zero among all that were read.
-    negative: u64,
+    /// For each step the values below zero, and all finite ones, among all that were read.
+    negatives: Vec<[u64; 2]>,
 }
 
 impl Watched {
@@ -41,19 +41,22 @@ impl Watched {
         let pixels: Vec<usize> = (0..count).step_by(stride).map(place).collect();
         let values = Array2::from_elem((pixels.len(), steps), f32::NAN);
         let saturation = saturation.unwrap_or(f32::INFINITY);
-        Self { pixels, values, columns, saturation, negative: 0 }
+        Self { pixels, values, columns, saturation, negatives: vec![[0; 2]; steps] }
     }
 
     /// The same pixels and steps, without values.
     pub(super) fn again(&self) -> Self {
         let values = Array2::from_elem(self.values.raw_dim(), f32::NAN);
-        Self { pixels: self.pixels.clone(), values, negative: 0, ..*self }
+        let negatives = vec![[0; 2]; self.negatives.len()];
+        Self { pixels: self.pixels.clone(), values, negatives, ..*self }
     }
 
     /// Keeps the values of its pixels among rows, `[step][row][column]`.
     pub(super) fn take(&mut self, data: &Array3<f32>, rows: &Range<u32>) {
-        let below_zero = data.iter().filter(|value| **value < 0.0).count();
-        self.negative += below_zero as u64;
+        for ([negative, all], frame) in self.negatives.iter_mut().zip(data.outer_iter()) {
+            *negative += frame.iter().filter(|value| **value < 0.0).count() as u64;
+            *all += frame.iter().filter(|value| value.is_finite()).count() as u64;
+        }
         let [from, to] = [rows.start, rows.end].map(|row| row as usize * self.columns);
         let first = self.pixels.partition_point(|pixel| *pixel < from);
         let last = self.pixels.partition_point(|pixel| *pixel < to);
@@ -75,9 +78,20 @@ impl Watched {
             .map(|(pixel, values)| (*pixel, values.iter().copied().map(f64::from).collect()))
     }
 
+    /// Sum of its finite values.
+    pub(super) fn sum(&self) -> f64 {
+        let finite = self.values.iter().filter(|value| value.is_finite());
+        finite.map(|value| f64::from(*value)).sum()
+    }
+
     /// Values below zero among all that were read.
-    pub(super) const fn negative(&self) -> u64 {
-        self.negative
+    pub(super) fn negative(&self) -> u64 {
+        self.negatives.iter().map(|[negative, _]| negative).sum()
+    }
+
+    /// For each step the values below zero, and all finite ones, among all that were read.
+    pub(super) fn negatives(&self) -> &[[u64; 2]] {
+        &self.negatives
     }
 }
 

@@ -61,19 +61,19 @@ impl Input {
     /// # Errors
     /// As [`beamlet_files::StackFile::rows`].
     pub fn flat_rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
-        let flats = self.flat.shape()[0];
+        let (flats, flat) = (self.flat.shape()[0], (&self.flat, &self.largest[0]));
         let Some(every) = self.flats_every else {
             // One flat is taken before the first view.
             let time = if flats == 1 { 0.0 } else { during(view) };
-            return self.values(&self.flat, view.min(flats - 1), &rows, time);
+            return self.values(flat, view.min(flats - 1), &rows, time);
         };
         let times = self.times(every, flats);
         let (before, share) = times.at(during(view));
-        let mut mean = self.values(&self.flat, before, &rows, times.of(before))?;
+        let mut mean = self.values(flat, before, &rows, times.of(before))?;
         if share == 0.0 {
             return Ok(mean);
         }
-        let next = self.values(&self.flat, before + 1, &rows, times.of(before + 1))?;
+        let next = self.values(flat, before + 1, &rows, times.of(before + 1))?;
         mean.zip_mut_with(&next, |a, b| {
             *a = match a.max(*b) {
                 // A value that is left out in either is left out.

@@ -31,7 +31,10 @@ impl Input {
             return Err(refused(format!("{RECORD} names {count} stacks; allowed: 2")));
         };
         let open = |source: &String| StackFile::open(place(source, directory));
-        let (flat, mut sample) = (open(flat)?, open(sample)?);
+        let (flat, mut sample) = (
+            open(flat)?.with_order(record.frame_order),
+            open(sample)?.with_order(record.frame_order),
+        );
         let dark = record.dark.as_ref().map(open).transpose()?;
         let angles = record.shape[0];
         let views = angles * scene.scan.dithers_of_angle();

@@ -49,6 +49,7 @@ pub(super) fn begun(
         read_noise: options.read_noise,
         sources: input.sources(),
         frames: input.frames().clone(),
+        frame_order: input.frame_order(),
         dark: input.dark_source(),
         bad_pixels: input.bad_pixels_source(),
         omitted_steps: input.omitted_steps().to_vec(),
