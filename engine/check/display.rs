@@ -183,6 +183,9 @@ fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::
         if let Some(response) = &retrieval.response {
             line(f, "response", format!("{response} of small contrasts"))?;
         }
+        for error in &retrieval.phase {
+            line(f, "--phase", error.of_phase())?;
+        }
     }
     let Some(expected) = &curve.expected else { return Ok(()) };
     let ExpectedUncertainty { transmission, refraction, dark_field } = *expected;

@@ -8,7 +8,8 @@ use beamlet_model::optics::{self, Optics, ThinCurve};
 use beamlet_model::scene::{Blur, Counts, Object, Quality, Scan, Scatter, Scene, Scheme};
 use beamlet_model::spectrum::Nodes;
 use beamlet_recon::retrieve::{
-    BackgroundTerm, Fitter, Method, Response, RetrieveOptions, Retriever, ValueNoise, Weights,
+    BackgroundTerm, Fitter, Method, Response, RetrieveOptions, Retriever, RimError, ValueNoise,
+    Weights, phase_errors,
 };
 use beamlet_simulate::run::quality;
 use ndarray::{Array2, Array3, ArrayView2, Axis};
@@ -67,6 +68,8 @@ pub struct ExpectedRetrieval {
     pub background: String,
     /// Small contrasts as they are retrieved; `None` where the curve of the masks is not known.
     pub response: Option<Response>,
+    /// Errors of the phase of round bodies, where they are large.
+    pub phase: Vec<RimError>,
 }
 
 /// One standard deviation of the images of a pixel without a sample by the default method of `retrieve`, with the weights
@@ -321,6 +324,7 @@ fn retrieval(engine: &Engine, scene: &Scene) -> Result<Option<ExpectedRetrieval>
         method: options.method().name(),
         background: options.background().to_string(),
         response: retriever.response()?,
+        phase: phase_errors(scene),
     }))
 }
 

@@ -63,6 +63,6 @@ pub use planar::{Aperture, Lattice};
 pub use record::Record;
 pub use response::{LARGE_ERROR, Response};
 pub use retriever::Retriever;
-pub use rims::{RimError, rim_errors};
+pub use rims::{RimError, phase_errors, rim_errors};
 pub use run::{ImagesTo, RetrievedArrays, retrieve, retrieve_arrays};
 pub use value_noise::{ValueNoise, Weights};

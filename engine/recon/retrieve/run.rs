@@ -15,6 +15,7 @@ use super::phase::PhaseImages;
 use super::record::Record;
 use super::response;
 use super::retriever::Retriever;
+use super::rims::{RimError, phase_errors};
 use beamlet_core::parallel::start_threads;
 use beamlet_core::rows_control::RowsControl;
 use beamlet_core::whole_file::write_file;
@@ -296,7 +297,7 @@ fn retrieve_to(
     retrieve_views(views, &options, &mut output, &mut inner)?;
     let mut record = output.record;
     let of_input = input.warnings().iter().cloned().chain(input.other_optics(options.method()));
-    let of_input = of_input.chain(input.full_scale());
+    let of_input = of_input.chain(input.full_scale()).chain(of_rims(&input, &options));
     diagnosis.finish(&mut record, &retriever, &of_input.collect::<Vec<_>>())?;
     let response_of = |other: &RetrieveOptions| Retriever::new(compute, &scene, other)?.response();
     response::enter(&mut record, &options, retriever.response()?, response_of)?;
@@ -316,6 +317,19 @@ fn finish(record: &mut Record, inputs: InputHashes, (began, since): (String, Ins
     record.began = Some(began);
     record.written = Some(now());
     record.duration_s = since.elapsed().as_secs_f64();
+}
+
+/// Warnings of integrals that miss the rims of the bodies of the scene.
+fn of_rims(input: &Input, options: &RetrieveOptions) -> Vec<String> {
+    let errors = if options.phase { phase_errors(input.scene()) } else { Vec::new() };
+    let warning = |error: RimError| {
+        format!(
+            "{}: apertures see a part of each pixel, and miss rims or take them for wider ones (docs/retrieval.md, \"Phase\"); \
+             scan.dithers over a pixel see all of it",
+            error.of_phase()
+        )
+    };
+    errors.into_iter().map(warning).collect()
 }
 
 /// Refuses beamlets, and curves of a list of apertures, among a part of the pixels.
