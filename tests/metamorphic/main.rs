@@ -1,6 +1,6 @@
 //! Random scenes compared with themselves, changed in ways whose effect on the stacks is known:
 //! mirrored, turned, sampled finer, traced in order, made of facets, on the other backend, in bands, about another
-//! axis of rotation (with rough surfaces).
+//! axis of rotation (with rough surfaces). `parts` compares random thin parts with an integration in f64.
 //!
 //! A failure prints its seed and its scene. `BEAMLET_SEED=17` repeats it and looks for the smallest
 //! scene that fails; `BEAMLET_SEED=1-300` takes these seeds in place of the CI seeds, `BEAMLET_RELATION=origin` this
