@@ -326,16 +326,16 @@ mod tests {
             shifts.iter().zip(0..).map(|(s, k)| f64::from(k) * period + s).collect();
         let parts = vec![term(1.0, 0.0, [0.0; 2], 0.0)];
         let curve = MaskCurve::new(period, slits, [pairs, parts], 4e-6);
-        for column in 0..3_usize {
+        for column in 0..3_i32 {
             for offset in [-52e-6, -40e-6, -10e-6, 0.0, 24e-6, 47e-6] {
                 // The slits of periods before and behind the column's, with their own shifts.
                 let slit = |k: i32| {
-                    let shift = shifts[usize::try_from((column as i32 + k).rem_euclid(3)).unwrap()];
+                    let shift = shifts[usize::try_from((column + k).rem_euclid(3)).unwrap()];
                     overlap(offset + f64::from(k) * period + shift, [30e-6, 20e-6], variance)
                 };
                 let truth: f64 = (-4..=4).map(slit).sum();
-                let own = offset + shifts[column];
-                let place = own + curve.to_slit(column + 3);
+                let value = usize::try_from(column).unwrap();
+                let place = offset + shifts[value] + curve.to_slit(value + 3);
                 let [value, ..] = curve.evaluate(std::iter::once(place), variance)[0];
                 let error = (value - truth).abs() * 30e-6;
                 assert!(error < 2e-8, "column {column}, {offset:e}: {value} for {truth}");

@@ -74,7 +74,8 @@ mod tests {
         assert_eq!(found(|step, pixel| noisy(2 * step, pixel).min(4095.0)), Some((4095.0, 100)));
         assert_eq!(found(noisy), None);
         assert_eq!(found(|step, _| 1000.0 * step as f32), None);
-        let hot = |step, pixel: usize| if pixel % 5 == 0 { 65535.0 } else { noisy(step, pixel) };
+        let hot =
+            |step, pixel: usize| if pixel.is_multiple_of(5) { 65535.0 } else { noisy(step, pixel) };
         assert_eq!(found(hot), None);
     }
 }
