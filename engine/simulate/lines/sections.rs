@@ -213,7 +213,7 @@ impl<'a> SurfaceLines<'a> {
             } else {
                 let [low, high] = x.map(|x| self.sums(&interval, x));
                 let piece = self.piece(&interval, x, &[low, high], None);
-                pieces.extend(self.flat_pieces(piece, openings));
+                self.add_flat_pieces(piece, openings, &mut pieces);
             }
             from = pair[1];
         }

@@ -54,19 +54,23 @@ impl Middle {
 }
 
 impl SurfaceLines<'_> {
-    /// Parts of a piece behind facets, over which depth, and the variance by materials, change little.
-    pub(super) fn flat_pieces(
+    /// Adds parts of a piece behind facets, over which depth, and the variance by materials, change little.
+    pub(super) fn add_flat_pieces(
         &self,
         piece: Piece,
         openings: &[Opening],
-    ) -> impl Iterator<Item = Piece> {
+        pieces: &mut Vec<Piece>,
+    ) {
+        let mut add = |piece: Piece| {
+            let draws = self.draws_of(&piece, openings);
+            pieces.extend(piece.parts(draws.max(self.parts_by_scattering(&piece, openings))));
+        };
+        if f64::from((piece.depth[1] - piece.depth[0]).abs()) <= STEEPEST {
+            return add(piece);
+        }
         let shares = self.shares_by_depth(&piece, openings);
         let count = numbers::count(shares.len() - 1);
-        piece.cut(move |part| shares[part as usize], count).flat_map(|part| {
-            part.parts(
-                self.draws_of(&part, openings).max(self.parts_by_scattering(&part, openings)),
-            )
-        })
+        piece.cut(|part| shares[part as usize], count).for_each(add);
     }
 
     /// Shares of the width of a piece behind facets, from 0 to 1, between which the depth changes by [`STEEPEST`], or by
@@ -74,9 +78,6 @@ impl SurfaceLines<'_> {
     fn shares_by_depth(&self, piece: &Piece, openings: &[Opening]) -> Vec<f64> {
         let [low, high] = piece.depth.map(f64::from);
         let change = (high - low).abs();
-        if change <= STEEPEST {
-            return vec![0.0, 1.0];
-        }
         let response = self.view.responses.first();
         let open = self.open(piece, openings);
         // The error of a part is its light times the square of its change.
