@@ -24,11 +24,17 @@ const COMPOUNDS: [&str; 82] = [
     "TiMn2", "TiNi3", "TiSi2", "UAl2", "UAl3", "UBe13", "UFe2", "UGe2", "UPd3", "UPt3", "USi2",
     "USi3", "USn3", "VSi2", "WAl12", "WSi2", "ZrAl2", "ZrAl3", "ZrCo2", "ZrCr2", "ZrSi2", "ZrV2",
 ];
-/// Least share in front of the only other metal of an alloy: below it numbers of atoms, as in `Ti3Al`.
+/// Least share in front of the only other metal of an alloy: below it numbers of atoms, as in `Ti3Al`, but of `SMALL`.
 const LEAST: f64 = 5.0;
+/// Alloys of a base and a smaller share of another metal, of which no compound has these numbers of atoms.
+const SMALL: [&str; 30] = [
+    "Al1Cu", "Al3Cu", "Al4Cu", "Al1Fe", "Al1Li", "Al2Li", "Al4Li", "Al1Mg", "Al2Mg", "Al3Mg",
+    "Al4Mg", "Al1Mn", "Al2Mn", "Al1Si", "Al2Si", "Al3Si", "Al4Si", "Al1Zn", "Al2Zn", "Al4Zn",
+    "Cu1Cr", "Cu2Be", "Mg1Mn", "Mg2Mn", "Sn1Cu", "Sn3Ag", "Sn4Ag", "Pb3Sb", "Pb4Sb", "Zn4Al",
+];
 
 /// Symbol of an element, and its number if it has one.
-type Element<'a> = (&'a str, Option<&'a str>);
+pub(super) type Element<'a> = (&'a str, Option<&'a str>);
 
 /// The shares by weight of a text that looks like the designation of an alloy, in the notation of formulas.
 /// Elements without a share but the base are not in it. A base metal without a number comes first: `TiAl6V4`,
@@ -45,7 +51,7 @@ pub(super) fn is_of_symbols(text: &str) -> bool {
     elements(&joined(text)).is_some()
 }
 
-fn joined(text: &str) -> String {
+pub(super) fn joined(text: &str) -> String {
     text.chars().filter(|c| !matches!(c, '-' | ' ')).collect()
 }
 
@@ -72,7 +78,10 @@ fn shares_before(elements: &[Element<'_>]) -> Option<String> {
     let are_metals = added.iter().all(|(symbol, _)| is_metal(symbol)) && last.1.is_none();
     let is_alloy = match (base, added.len()) {
         ("WC", _) => true,
-        (_, 1) => values[0] >= LEAST || first.contains('.') && values[0] >= 1.0,
+        (_, 1) => {
+            let is_small = SMALL.contains(&format!("{base}{first}{}", last.0).as_str());
+            values[0] >= LEAST || is_small || first.contains('.') && values[0] >= 1.0
+        }
         _ => values[0] >= 1.0,
     };
     if !are_metals || !is_alloy || values.iter().sum::<f64>() >= 100.0 {
@@ -110,7 +119,7 @@ fn shares_behind(text: &str, elements: &[Element<'_>]) -> Option<String> {
 }
 
 /// Symbols with their numbers, where a text is nothing else.
-fn elements(text: &str) -> Option<Vec<Element<'_>>> {
+pub(super) fn elements(text: &str) -> Option<Vec<Element<'_>>> {
     let mut found = Vec::new();
     let mut rest = text;
     while !rest.is_empty() {
@@ -135,8 +144,8 @@ mod tests {
         Sn63Pb37=Sn63wt%Pb37wt% CuNi44=Ni44wt%Cu AlMg1=Mg1wt%Al MgMn2=Mn2wt%Mg FeSi3=Si3wt%Fe PbSb3=Sb3wt%Pb \
         PbCa0.1=Ca0.1wt%Pb AuGe12=Ge12wt%Au InSn48=Sn48wt%In GaIn21.5Sn10=In21.5wt%Sn10wt%Ga CuTe0.5=Te0.5wt%Cu \
         Ti6Al7Nb=Al6wt%Nb7wt%Ti Ti-6Al-7Nb=Al6wt%Nb7wt%Ti Ti13Nb13Zr=Nb13wt%Zr13wt%Ti Ti5Al2.5Sn=Al5wt%Sn2.5wt%Ti \
-        Ti15Mo=Mo15wt%Ti WC10Co=Co10wt%WC W5Re=Re5wt%W";
-    const COMPOUNDS: &str = "H2O TiAl3 CuAl2 NiTi MgAl2O4 Cu2ZnSnS4 LaNi5 Ti3Al ZnGeP2 TiC0.7 Pd40Ni10Cu30P20 \
+        Ti15Mo=Mo15wt%Ti Al4Cu=Cu4wt%Al Al-3Mg=Mg3wt%Al Sn3Ag=Ag3wt%Sn WC10Co=Co10wt%WC W5Re=Re5wt%W";
+    const COMPOUNDS: &str = "H2O TiAl3 CuAl2 NiTi MgAl2O4 Cu2ZnSnS4 LaNi5 Ti3Al Al2Cu Al3Zr Al3Sc Al3Ni Ni3Al Mg2Si Cu3Sn ZnGeP2 TiC0.7 Pd40Ni10Cu30P20 \
         Ti1Al6V4 (TiAl6V4) Al6wt%V4wt%Ti FeS2 W CuInSe2 Nd2Fe14B CoCrFeNi AlMgB14 PbTiO3 WC MgB2 MoSi2 MgZn2 CoSb3 \
         Fe3Al Mg17Al12 Ga0.5In0.5Sb Bi2Te3 PbTe Cu2MnAl";
 

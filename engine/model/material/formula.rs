@@ -7,7 +7,7 @@ use std::sync::{Mutex, PoisonError};
 use xraydb::{CrossSectionKind, XrayDb, XrayDbError};
 
 use super::notation::{self, Composition};
-use super::{Constants, builtin, capitals, designation, within};
+use super::{Constants, builtin, capitals, designation, grade, letter_o, within};
 use crate::scene::path;
 use beamlet_core::error::{Error, Result};
 use beamlet_core::reserve;
@@ -120,22 +120,35 @@ fn composition(db: &XrayDb, formula: &str) -> std::result::Result<Composition, S
     })
 }
 
-/// The ways to write a formula that has another reading: the designation of an alloy by weight, or an element in
-/// capitals; `None` for others. `density`: g/cm3, where it is known.
+/// The ways to write a formula that has another reading: the name of a material, the designation of an alloy by weight,
+/// a zero for the letter O, or an element in capitals; `None` for others. `density`: g/cm3, where it is known.
 pub(super) fn other_ways(formula: &str, density: Option<f64>) -> Option<String> {
+    let counts = format!("\"({formula})\" counts atoms");
+    let is_of_symbols = designation::is_of_symbols(formula);
+    let named = builtin(formula).filter(|it| is_of_symbols && it.formula != formula.trim());
+    if let Some(known) = named {
+        let kind = if known.formula.contains("wt%") { "an alloy by weight" } else { "a name" };
+        return Some(format!(
+            "{kind}: the built-in material \"{}\", {}; {counts}",
+            known.name, known.formula
+        ));
+    }
+    if let Some(letter) = letter_o::meant(formula) {
+        let numbers = if letter.has_numbers { format!("; {counts}") } else { String::new() };
+        return Some(format!("\"{}\" with the letter O{numbers}", letter.meant));
+    }
+    if let Some(meaning) = grade::meant(formula, density) {
+        return Some(format!(
+            "a name ({meaning}): its formula, or shares by weight such as \"Al6wt%V4wt%Ti\"; {counts}"
+        ));
+    }
     if let Some(meant) = capitals::meant(formula, density) {
         return Some(format!(
             "\"{meant}\" for the element, or \"({formula})\" for an atom of each letter"
         ));
     }
-    if !designation::is_of_symbols(formula) {
-        return None;
-    }
-    let by_weight = match builtin(formula).filter(|it| it.formula.contains("wt%")) {
-        Some(known) => format!("the built-in material \"{}\", {}", known.name, known.formula),
-        None => format!("\"{}\", with its shares in percent", designation::by_weight(formula)?),
-    };
-    Some(format!("an alloy by weight: {by_weight}; \"({formula})\" counts atoms"))
+    let by_weight = designation::by_weight(formula).filter(|_| is_of_symbols)?;
+    Some(format!("an alloy by weight: \"{by_weight}\", with its shares in percent; {counts}"))
 }
 
 /// The formula of a mixture, by the weight of each element, and the mass of it with D and T as

@@ -9,6 +9,8 @@ pub mod builtin;
 mod capitals;
 mod designation;
 mod formula;
+mod grade;
+mod letter_o;
 mod lookup;
 mod mixture;
 mod notation;

@@ -257,6 +257,11 @@ impl<'a, M: Fn(&str) -> Option<f64>> Reader<'a, M> {
         }
         self.at = end;
         let text: String = self.letters[start..end].iter().collect();
+        let begins_with_zero =
+            text.starts_with('0') && text[1..].starts_with(|c: char| c.is_ascii_digit());
+        if begins_with_zero {
+            return Err(format!("the number \"{text}\" begins with 0, in place of the letter O?"));
+        }
         match text.parse::<f64>() {
             Ok(number) if number > 0.0 && number.is_finite() => Ok(Some(number)),
             _ => Err(format!("the number \"{text}\"; allowed: a number above 0")),
