@@ -133,6 +133,16 @@ pub fn cells(line: &str) -> Vec<&str> {
     parts.filter(|part| separator.is_some() || !part.is_empty()).map(unquoted).collect()
 }
 
+/// Place of a column in the cells of a header, in letters of either case.
+///
+/// # Errors
+/// The name as it comes again.
+pub fn column<'a>(header: &[&'a str], name: &str) -> std::result::Result<Option<usize>, &'a str> {
+    let mut places = (0..header.len()).filter(|place| header[*place].eq_ignore_ascii_case(name));
+    let first = places.next();
+    places.next().map_or(Ok(first), |again| Err(header[again]))
+}
+
 /// A cell without blanks and quotes around it.
 fn unquoted(cell: &str) -> &str {
     let cell = cell.trim();

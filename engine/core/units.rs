@@ -81,27 +81,17 @@ enum UnitScale {
 
 use UnitScale::{Degree, Ten, Times};
 
-/// Spellings of the units; the micro sign and the Greek letter both stand for micro.
+/// Units in ASCII; [`variants`] has their other spellings.
 const LENGTHS: &[(&str, UnitScale)] = &[
     ("m", Ten(0)),
     ("cm", Ten(-2)),
     ("mm", Ten(-3)),
     ("um", Ten(-6)),
-    ("\u{b5}m", Ten(-6)),
-    ("\u{3bc}m", Ten(-6)),
     ("nm", Ten(-9)),
     ("pm", Ten(-12)),
 ];
 const ENERGIES: &[(&str, UnitScale)] = &[("eV", Ten(-3)), ("keV", Ten(0)), ("MeV", Ten(3))];
-const DENSITIES: &[(&str, UnitScale)] = &[
-    ("g/cm3", Ten(0)),
-    ("g/cc", Ten(0)),
-    ("kg/m3", Ten(-3)),
-    ("g/cm^3", Ten(0)),
-    ("g/cm\u{b3}", Ten(0)),
-    ("kg/m^3", Ten(-3)),
-    ("kg/m\u{b3}", Ten(-3)),
-];
+const DENSITIES: &[(&str, UnitScale)] = &[("g/cm3", Ten(0)), ("g/cc", Ten(0)), ("kg/m3", Ten(-3))];
 const ANGLES: &[(&str, UnitScale)] = &[
     ("deg", Degree),
     ("\u{b0}", Degree),
@@ -110,32 +100,42 @@ const ANGLES: &[(&str, UnitScale)] = &[
     ("rad", Ten(0)),
     ("mrad", Ten(-3)),
     ("urad", Ten(-6)),
-    ("\u{b5}rad", Ten(-6)),
-    ("\u{3bc}rad", Ten(-6)),
     ("nrad", Ten(-9)),
 ];
 const VOLTAGES: &[(&str, UnitScale)] =
     &[("V", Ten(-3)), ("kV", Ten(0)), ("kVp", Ten(0)), ("MV", Ten(3))];
-const CURRENTS: &[(&str, UnitScale)] =
-    &[("A", Ten(3)), ("mA", Ten(0)), ("uA", Ten(-3)), ("\u{b5}A", Ten(-3)), ("\u{3bc}A", Ten(-3))];
+const CURRENTS: &[(&str, UnitScale)] = &[("A", Ten(3)), ("mA", Ten(0)), ("uA", Ten(-3))];
 const TIMES: &[(&str, UnitScale)] =
     &[("s", Ten(0)), ("ms", Ten(-3)), ("us", Ten(-6)), ("min", Times(60.0)), ("h", Times(3600.0))];
-const DOSES: &[(&str, UnitScale)] = &[
-    ("Gy", Ten(0)),
-    ("mGy", Ten(-3)),
-    ("uGy", Ten(-6)),
-    ("\u{b5}Gy", Ten(-6)),
-    ("\u{3bc}Gy", Ten(-6)),
-];
+const DOSES: &[(&str, UnitScale)] = &[("Gy", Ten(0)), ("mGy", Ten(-3)), ("uGy", Ten(-6))];
 const SCATTERINGS: &[(&str, UnitScale)] = &[
     ("rad^2/m", Ten(0)),
+    ("rad^2/cm", Ten(2)),
+    ("rad^2/mm", Ten(3)),
     ("mrad^2/m", Ten(-6)),
+    ("mrad^2/cm", Ten(-4)),
+    ("mrad^2/mm", Ten(-3)),
     ("urad^2/m", Ten(-12)),
     ("urad^2/cm", Ten(-10)),
     ("urad^2/mm", Ten(-9)),
-    ("rad2/m", Ten(0)),
-    ("rad\u{b2}/m", Ten(0)),
 ];
+
+/// All spellings of a unit: powers as `^2`, `2` and `\u{b2}`; micro as u, as the micro sign and as the Greek letter.
+fn variants(unit: &'static str) -> impl Iterator<Item = String> {
+    let powers: &[[&str; 2]] = match unit {
+        _ if unit.contains("^2") => &[["^2", "^2"], ["^2", "2"], ["^2", "\u{b2}"]],
+        _ if unit.ends_with('3') => &[["3", "3"], ["3", "^3"], ["3", "\u{b3}"]],
+        _ => &[["", ""]],
+    };
+    let micro: &[&str] = match unit.strip_prefix('u') {
+        Some(_) => &["u", "\u{b5}", "\u{3bc}"],
+        None => &[""],
+    };
+    let rest = unit.strip_prefix('u').unwrap_or(unit);
+    micro.iter().flat_map(move |micro| {
+        powers.iter().map(move |[plain, power]| format!("{micro}{}", rest.replace(plain, power)))
+    })
+}
 
 /// Names of the inch, a unit of mesh files: lengths in scenes are metric.
 const INCHES: [&str; 2] = ["inch", "inches"];
@@ -143,20 +143,7 @@ const INCHES: [&str; 2] = ["inch", "inches"];
 const INCH: f64 = 0.0254;
 
 /// Spellings that are accepted and not listed: each looks like one that is.
-const UNLISTED: &[&str] = &[
-    "\u{3bc}m",
-    "\u{3bc}rad",
-    "\u{3bc}A",
-    "\u{3bc}Gy",
-    "degree",
-    "degrees",
-    "g/cm^3",
-    "g/cm\u{b3}",
-    "kg/m^3",
-    "kg/m\u{b3}",
-    "rad2/m",
-    "rad\u{b2}/m",
-];
+const UNLISTED: &[&str] = &["degree", "degrees"];
 const ATTENUATIONS: &[(&str, UnitScale)] = &[
     ("1/m", Ten(0)),
     ("/m", Ten(0)),
@@ -183,8 +170,8 @@ impl Dimension {
     }
 
     /// Spellings of its units.
-    pub fn units(self) -> impl Iterator<Item = &'static str> {
-        self.table().iter().map(|unit| unit.0)
+    pub fn units(self) -> impl Iterator<Item = String> {
+        self.table().iter().flat_map(|unit| variants(unit.0))
     }
 
     /// The allowed form, in words, with an example and the list of units.
@@ -211,7 +198,8 @@ impl Dimension {
     }
 
     fn scale(self, unit: &str) -> Option<UnitScale> {
-        self.table().iter().find(|entry| entry.0 == unit).map(|entry| entry.1)
+        let is_meant = |name: &'static str| name == unit || variants(name).any(|it| it == unit);
+        self.table().iter().find(|entry| is_meant(entry.0)).map(|entry| entry.1)
     }
 
     /// Reads a quantity into the base unit of its dimension. The result is finite.
@@ -353,6 +341,15 @@ mod tests {
             (Dimension::Scattering, "2e-9 rad^2/m", 2e-9),
             (Dimension::Scattering, "2.5 urad^2/mm", 2.5e-9),
             (Dimension::Scattering, "40 urad^2/cm", 40e-10),
+            (Dimension::Scattering, "10 urad\u{b2}/mm", 1e-8),
+            (Dimension::Scattering, "10 \u{b5}rad\u{b2}/mm", 1e-8),
+            (Dimension::Scattering, "10 \u{3bc}rad^2/mm", 1e-8),
+            (Dimension::Scattering, "10 urad2/mm", 1e-8),
+            (Dimension::Scattering, "1e-2 mrad2/m", 1e-8),
+            (Dimension::Time, "20 \u{b5}s", 20e-6),
+            (Dimension::Current, "250 \u{3bc}A", 0.25),
+            (Dimension::Density, "930 kg/m\u{b3}", 0.93),
+            (Dimension::Density, "0.93 g/cm^3", 0.93),
         ];
         for (dimension, text, expected) in cases {
             assert_eq!(dimension.parse(text).unwrap().to_bits(), f64::to_bits(expected), "{text}");

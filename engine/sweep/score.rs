@@ -1,5 +1,6 @@
 //! Scores of a design: of the set-up alone, and at its sample.
 
+use super::vary::separate;
 use beamlet_core::{Error, Result};
 
 /// A score of a design.
@@ -126,7 +127,11 @@ impl SampleScore {
     fn of(name: &str) -> Option<Self> {
         let (word, object) = name.split_once(':').map_or((name, None), |(w, o)| (w, Some(o)));
         let (_, measure, contrast) = SAMPLE_SCORES.iter().find(|known| known.0 == word.trim())?;
-        let object = object.map(|object| object.trim().to_owned());
+        let object = object.map(|object| {
+            let object = object.trim();
+            let quoted = object.strip_prefix('"').and_then(|object| object.strip_suffix('"'));
+            quoted.unwrap_or(object).to_owned()
+        });
         Some(Self { measure: *measure, contrast: *contrast, object })
     }
 
@@ -135,18 +140,22 @@ impl SampleScore {
             known.1 == self.measure && known.2 == self.contrast
         };
         let word = SAMPLE_SCORES.iter().find(is_own).map_or("", |known| known.0);
-        self.object.as_ref().map_or_else(|| word.into(), |object| format!("{word}:{object}"))
+        match &self.object {
+            None => word.into(),
+            Some(object) if object.contains(',') => format!("{word}:\"{object}\""),
+            Some(object) => format!("{word}:{object}"),
+        }
     }
 }
 
 impl Score {
-    /// Scores by their names, separated by commas or in several texts.
+    /// Scores by their names, separated by commas outside of quotes or in several texts.
     ///
     /// # Errors
     /// [`Error::Argument`] for another name, a name twice, and none.
     pub fn of_list(texts: &[String]) -> Result<Vec<Self>> {
         let mut scores = Vec::new();
-        for name in texts.iter().flat_map(|text| text.split(',')).map(str::trim) {
+        for name in texts.iter().flat_map(|text| separate(text)) {
             let score = Self::of(name)?;
             if scores.contains(&score) {
                 return Err(Error::argument("score", format!("{name} twice"), "each score once"));
@@ -261,5 +270,8 @@ impl Score {
 fn names() -> String {
     let without = SET_UP_SCORES.each_ref().map(|known| known.0).join(", ");
     let at_sample = SAMPLE_SCORES.map(|known| known.0).join(", ");
-    format!("{without}; at a sample {at_sample}, alone or with an object as cnr:OBJECT")
+    format!(
+        "{without}; at a sample {at_sample}, alone or with an object as cnr:OBJECT, in \
+         quotes where it has a comma"
+    )
 }

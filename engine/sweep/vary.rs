@@ -165,6 +165,15 @@ impl Designs {
 }
 
 impl VariedKey {
+    /// A key of the header of a table, `key`, `key [unit]` or `key[unit]`; brackets of other texts are part of the key.
+    fn of_cell(cell: &str) -> Self {
+        let (path, unit) = match cell.strip_suffix(']').and_then(|cell| cell.rsplit_once('[')) {
+            Some((path, unit)) if path.ends_with(' ') || is_unit(unit.trim()) => (path, unit),
+            _ => (cell, ""),
+        };
+        Self { path: path.trim().to_owned(), unit: unit.trim().to_owned() }
+    }
+
     fn set(&self, value: &str) -> String {
         let Self { path, unit } = self;
         match unit.is_empty() {
@@ -214,30 +223,55 @@ impl Axis {
         let mut lines =
             lines.filter(|(_, line)| !(line.trim().is_empty() || line.starts_with('#')));
         let (_, header) = lines.next().ok_or_else(|| failed("no header of keys"))?;
-        let key = |cell: String| {
-            let (path, unit) = cell.rsplit_once(" [").unwrap_or((&cell, ""));
-            let unit = unit.trim().trim_end_matches(']').trim().to_owned();
-            VariedKey { path: path.trim().to_owned(), unit }
-        };
-        let keys: Vec<VariedKey> = cells(header).into_iter().map(key).collect();
+        let keys: Vec<VariedKey> = without_empty_end(cells(header), 0)
+            .iter()
+            .map(|cell| VariedKey::of_cell(cell))
+            .collect();
+        if let Some(column) = keys.iter().position(|key| key.path.is_empty()) {
+            return Err(failed(&format!(
+                "column {} has no name; allowed: keys of the scene",
+                column + 1
+            )));
+        }
         let mut rows = Vec::new();
         for (index, line) in lines {
-            let row = cells(line);
-            if row.len() != keys.len() || row.iter().any(String::is_empty) {
-                let found = format!("line {}: {} values", index + 1, row.len());
-                return Err(failed(&format!("{found}; allowed: {}, one for each key", keys.len())));
+            let row = without_empty_end(cells(line), keys.len());
+            let refused = |found: String| {
+                let allowed = format!("{}, one for each key", keys.len());
+                failed(&format!("line {}: {found}; allowed: {allowed}", index + 1))
+            };
+            if row.len() != keys.len() {
+                return Err(refused(format!("{} values", row.len())));
+            }
+            if let Some(column) = row.iter().position(String::is_empty) {
+                return Err(refused(format!("an empty cell of {}", keys[column].path)));
             }
             rows.push(row);
         }
-        match rows.is_empty() || keys.iter().any(|key| key.path.is_empty()) {
+        match rows.is_empty() {
             true => Err(failed("a header of keys and a design a row are needed")),
             false => Ok(Self { name: path.display().to_string(), keys, rows }),
         }
     }
 }
 
+/// Cells without the empty ones at their end, beyond the first `least`.
+fn without_empty_end(mut cells: Vec<String>, least: usize) -> Vec<String> {
+    let end = cells.iter().rposition(|cell| !cell.is_empty()).map_or(0, |last| last + 1);
+    cells.truncate(end.max(least));
+    cells
+}
+
+/// True for the units of keys.
+fn is_unit(text: &str) -> bool {
+    use beamlet_core::units::Dimension::*;
+    let dimensions =
+        [Length, Energy, Density, Angle, Attenuation, Voltage, Current, Time, Dose, Scattering];
+    dimensions.iter().flat_map(|dimension| dimension.units()).any(|unit| unit == text)
+}
+
 /// The items of a list; commas within brackets or quotes do not separate.
-fn separate(text: &str) -> Vec<&str> {
+pub(super) fn separate(text: &str) -> Vec<&str> {
     let (mut depth, mut is_quoted, mut from) = (0_i32, false, 0);
     let mut items = Vec::new();
     for (at, sign) in text.char_indices() {
@@ -354,8 +388,19 @@ mod tests {
         );
         let designs = Designs::of(&vary.map(str::to_owned)).unwrap();
         assert_eq!(designs.axis(0), ("a.f[0].b [um]".to_owned(), vec![5.0, 7.0]));
-        std::fs::write(&path, "a.f[0].b [um]\n5\n").unwrap();
-        assert_eq!(sets(&vary[..1]), ["a.f[0].b=5 um"]);
+        for text in ["a.f[0].b [um]\n5\n", "a.f[0].b[um],,\n5,,\n"] {
+            std::fs::write(&path, text).unwrap();
+            assert_eq!(sets(&vary[..1]), ["a.f[0].b=5 um"]);
+        }
+        std::fs::write(&path, "a,p[1]\n5,7\n").unwrap();
+        assert_eq!(sets(&vary[..1]), ["a=5 & p[1]=7"]);
+        for (text, words) in
+            [("a,b\n5,\n", "line 2: an empty cell of b"), (",a\n0,5\n", "column 1 has no name")]
+        {
+            std::fs::write(&path, text).unwrap();
+            let error = Designs::of(&vary.map(str::to_owned)).unwrap_err().to_string();
+            assert!(error.contains(words), "{text}: {error}");
+        }
     }
 
     #[test]

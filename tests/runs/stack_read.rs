@@ -84,6 +84,19 @@ fn npy_of_every_sample_type_reads_to_the_same_values() {
 }
 
 #[test]
+fn arrays_behind_one_another_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.npy");
+    npy(&path, &values());
+    let one = fs::read(&path).unwrap();
+    fs::write(&path, [one.as_slice(), &one].concat()).unwrap();
+    assert!(refusal(&path).contains("arrays one behind another"), "{}", refusal(&path));
+    // Padding is no array.
+    fs::write(&path, [one.as_slice(), &[0; 64]].concat()).unwrap();
+    assert_eq!(read(&StackFile::open(&path).unwrap()), values());
+}
+
+#[test]
 fn big_endian_npy_reads_to_the_same_values() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.npy");

@@ -200,6 +200,12 @@ fn frames_behind_one_directory_are_read_whole() {
         &one_directory("<OME><BinaryOnly/></OME>", 1),
         ["a part of an OME set", "another file"],
     );
+    // Whole frames of a few bytes count, too; other bytes there are no frames.
+    let unnamed = one_directory("a detector", 1);
+    refused(&unnamed, ["values of 2 more", "a directory for each frame"]);
+    refused(&one_directory(&image_j(1), 1), ["values of 2 more", "a directory for each frame"]);
+    fs::write(&path, &unnamed[..unnamed.len() - 2]).unwrap();
+    assert_eq!(StackFile::open(&path).unwrap().shape(), [1, 1, 5, 7]);
     // Values of three frames of 64 KiB, and a directory of one without a description.
     let entries: [(u16, u32); 9] = [
         (256, 256),

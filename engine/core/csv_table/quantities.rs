@@ -47,7 +47,8 @@ impl Quantities {
         let mut columns: Vec<Column> = Vec::new();
         let mut has_view = false;
         let starts = |names: &[&str]| {
-            let has = |index| row.field(index).unwrap_or_default().starts_with(names[0]);
+            let has =
+                |index| without_case(row.field(index).unwrap_or_default(), names[0]).is_some();
             (0..row.record.len()).any(has)
         };
         let count = match self.columns {
@@ -57,7 +58,7 @@ impl Quantities {
         };
         for index in 0..row.record.len() {
             let name = row.field(index).unwrap_or_default();
-            if name == "view" && !has_view {
+            if name.eq_ignore_ascii_case("view") && !has_view {
                 has_view = true;
                 columns.push(None);
                 continue;
@@ -68,17 +69,20 @@ impl Quantities {
                 Numbered::Yes => format!("{}_{number}", self.name),
                 Numbered::Named(names) => (*names.get(number).unwrap_or(&"")).to_owned(),
             };
-            let rest = name.strip_prefix(&stem);
+            let rest = without_case(name, &stem);
             let unit = match self.dimension {
                 Some(_) => rest.and_then(|rest| rest.strip_prefix('_')),
                 None => rest,
             };
-            let is_unit = |unit: &&str| match self.dimension {
-                Some(dimension) => dimension.units().any(|known| known == *unit),
-                None => unit.is_empty(),
-            };
-            match unit.filter(is_unit).filter(|_| number == 0 || count != Numbered::No) {
-                Some(unit) => columns.push(Some(unit.to_owned())),
+            // A header in capitals has its units in capitals.
+            let unit = unit.and_then(|unit| match self.dimension {
+                Some(dimension) => [unit.to_owned(), unit.to_lowercase()]
+                    .into_iter()
+                    .find(|unit| dimension.units().any(|known| known == *unit)),
+                None => unit.is_empty().then(String::new),
+            });
+            match unit.filter(|_| number == 0 || count != Numbered::No) {
+                Some(unit) => columns.push(Some(unit)),
                 None => {
                     let found = format!("the column {}", row.shown(index));
                     return Err(row.error(index, "header", &found, self.kind.columns));
@@ -118,4 +122,10 @@ impl Quantities {
         }
         Ok(values)
     }
+}
+
+/// The text behind a beginning in letters of either case.
+fn without_case<'a>(text: &'a str, begin: &str) -> Option<&'a str> {
+    let (head, rest) = text.split_at_checked(begin.len())?;
+    head.eq_ignore_ascii_case(begin).then_some(rest)
 }

@@ -113,7 +113,8 @@ impl Row<'_> {
     }
 
     fn placement_column(&self, index: usize, scales: bool) -> Result<Column> {
-        let name = self.field(index).unwrap_or_default();
+        let name = self.field(index).unwrap_or_default().to_lowercase();
+        let name = name.as_str();
         let unknown = || {
             self.error(
                 index,

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use beamlet_core::csv_table::cells;
+use beamlet_core::csv_table::{cells, column};
 use beamlet_core::error::{Error, Place, Result};
 use beamlet_core::{input_file, units};
 
@@ -77,7 +77,9 @@ impl<const N: usize> NumberTable<N> {
     fn header(&self, at: &TableLine<'_>, fields: &[&str]) -> Result<[usize; N]> {
         let mut order = [0; N];
         for (slot, Column { name, .. }) in order.iter_mut().zip(self.columns) {
-            *slot = fields.iter().position(|field| *field == name).ok_or_else(|| {
+            let found = column(fields, name)
+                .map_err(|again| at.error(name, &format!("{again} twice"), "each column once"))?;
+            *slot = found.ok_or_else(|| {
                 let columns = self.columns.map(|it| it.name).join(",");
                 let allowed = format!("a header line with the columns {columns}");
                 at.error(name, &fields.join(","), &allowed)

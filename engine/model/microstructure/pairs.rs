@@ -30,18 +30,19 @@ const GAUSS: [(f64, f64); 3] = [
 
 const TABLE: NumberTable<2> = NumberTable {
     noun: "pair distribution",
-    columns: [Column { name: "r", may_be_zero: false }, Column { name: "g", may_be_zero: true }],
+    columns: [Column { name: "r", may_be_zero: true }, Column { name: "g", may_be_zero: true }],
 };
 
 /// Rows of distance, diameters, and distribution; a distance that comes twice is a step.
 fn read(path: &Path) -> Result<Vec<[f64; 2]>> {
     let follows = |rows: &[[f64; 2]], row: &[f64; 2]| {
-        let [last, before] =
-            [1, 2].map(|back| rows.len().checked_sub(back).map_or(0.0, |at| rows[at][0]));
+        let [last, before] = [1, 2]
+            .map(|back| rows.len().checked_sub(back).map_or(f64::NEG_INFINITY, |at| rows[at][0]));
         let falls = row[0] < last || (row[0] <= last && row[0] <= before);
         let fault = |column, allowed| Some(Fault { column, allowed });
         match row {
             _ if falls => fault(0, "distances in ascending order, each once, or twice at a step"),
+            [r, g] if *r <= 0.0 && *g > 0.0 => fault(1, "0 at a distance of 0"),
             [r, _] if *r > MOST_REACH => fault(0, "distances up to 100 diameters"),
             [_, g] if *g > MOST_PAIRS => fault(1, "a number up to 1000"),
             _ => None,
@@ -178,6 +179,18 @@ mod tests {
             .map(|at| 1.0 + 0.02 * f64::from(at))
             .map(|r| [r, g(r.max(1.004)).max(0.0)])
             .collect()
+    }
+
+    /// Rows of 0 within a diameter change nothing.
+    #[test]
+    fn tables_may_begin_at_no_distance() {
+        let rows = table(0.3);
+        let longer = [[[0.0, 0.0], [0.5, 0.0], [1.0, 0.0]].as_slice(), &rows].concat();
+        let [short, long] = [&rows, &longer].map(|rows| Pairs::new(Path::new("t.csv"), rows, 0.3));
+        for x in [0.0, 0.5, 4.0, 7.0, 20.0] {
+            let off = long.structure_factor(x) - short.structure_factor(x);
+            assert!(off.abs() < 1e-9, "{x}: {off}");
+        }
     }
 
     /// A table of the pair distribution of hard spheres has their structure factor.

@@ -10,6 +10,10 @@ use super::tree::{Document, Origin, TreeEntry, TreeNode, TreeValue, excerpt};
 use beamlet_core::units::plain_minus;
 use beamlet_core::{Error, Place, Result};
 
+/// What helps paths of Windows in TOML.
+const BACKSLASH: &str =
+    "; in double quotes a backslash begins an escape: in paths write / or single quotes";
+
 fn syntax(
     file: Option<PathBuf>,
     text: &str,
@@ -20,11 +24,14 @@ fn syntax(
     let (line, column, excerpt) = excerpt(text, &at);
     let has_minus = text.lines().nth(line - 1).is_some_and(|line| line.contains('\u{2212}'));
     let minus = if has_minus { "; the minus sign U+2212 is not -" } else { "" };
+    let has_backslash = language == "TOML"
+        && text.lines().nth(line - 1).is_some_and(|line| line.contains('"') && line.contains('\\'));
+    let backslash = if has_backslash { BACKSLASH } else { "" };
     Error::Scene {
         place: Box::new(Place { file, line_column: Some((line, column)), excerpt: Some(excerpt) }),
         key: "syntax".to_owned(),
         found: format!("{problem}{minus}"),
-        allowed: format!("valid {language}"),
+        allowed: format!("valid {language}{backslash}"),
     }
 }
 

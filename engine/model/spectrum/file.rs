@@ -9,7 +9,7 @@
 use std::path::Path;
 
 use super::Spectrum;
-use beamlet_core::csv_table::cells;
+use beamlet_core::csv_table::{self, cells};
 use beamlet_core::error::{Error, Place, Result};
 use beamlet_core::{input_file, units};
 
@@ -114,8 +114,10 @@ impl<'a> Row<'a> {
     fn header(&self, fields: &[&str]) -> Result<[usize; 2]> {
         let mut order = [0; 2];
         for (slot, column) in order.iter_mut().zip(COLUMNS) {
-            let place = |field: &&str| field.eq_ignore_ascii_case(column);
-            *slot = fields.iter().position(place).ok_or_else(|| {
+            let found = csv_table::column(fields, column).map_err(|again| {
+                self.error(column, &format!("{again} twice"), "each column once")
+            })?;
+            *slot = found.ok_or_else(|| {
                 self.error(column, fields[0], "numbers, or a header with energy_keV and weight")
             })?;
         }

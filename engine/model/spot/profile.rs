@@ -6,7 +6,7 @@
 //! with `#` and empty lines are comments.
 
 use super::Spot;
-use beamlet_core::csv_table::cells;
+use beamlet_core::csv_table::{cells, column};
 use beamlet_core::{Error, Place, Result, input_file, units};
 use ndarray::Array2;
 use std::path::Path;
@@ -55,11 +55,14 @@ impl MeasuredProfile {
             }
             let cells = cells(line);
             let Some((round, order)) = header else {
-                let at = |name: &str| cells.iter().position(|c| c.eq_ignore_ascii_case(name));
-                let place = at("radius_um").map(|i| (true, i));
-                let place = place.or_else(|| at("position_um").map(|i| (false, i)));
-                header = match (place, at(VALUE)) {
-                    (Some((round, place)), Some(value)) => Some((round, [place, value])),
+                let at = |name: &str| {
+                    column(&cells, name).map_err(|again| {
+                        refuse(index + 1, name, &format!("{again} twice"), "each column once")
+                    })
+                };
+                header = match (at("radius_um")?, at("position_um")?, at(VALUE)?) {
+                    (Some(place), None, Some(value)) => Some((true, [place, value])),
+                    (None, Some(place), Some(value)) => Some((false, [place, value])),
                     _ => return Err(refuse(index + 1, "header", line, columns)),
                 };
                 continue;

@@ -135,7 +135,10 @@ impl Redundancy {
         let angles = &geometry.angles;
         let mut circle = Circle::of(angles);
         let (step, span) = (circle.step, circle.span());
-        let wrong = |found: String, allowed: String| Err(Error::argument("angles", found, allowed));
+        let wrong = |found: String, allowed: String| {
+            let allowed = format!("{allowed}; the methods cgls and sirt take any views");
+            Err(Error::argument("angles", found, allowed))
+        };
         if circle.is_more_than_a_turn() {
             circle = Circle::of_one_turn(angles);
         }

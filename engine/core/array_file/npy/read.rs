@@ -8,6 +8,9 @@ use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
+/// First bytes of an array.
+const MAGIC: &[u8; 6] = b"\x93NUMPY";
+
 /// An array on disk whose header was read and whose length was checked.
 #[derive(Debug)]
 pub struct NpyFile {
@@ -81,6 +84,15 @@ impl NpyFile {
                 );
                 return Err(Error::file(path, problem, None));
             }
+        }
+        let end = expected.unwrap_or(found);
+        let mut next = [0; MAGIC.len()];
+        let has_more = found - end >= next.len() as u64
+            && file.seek(SeekFrom::Start(end)).and_then(|_| file.read_exact(&mut next)).is_ok();
+        if has_more && next == *MAGIC {
+            let problem = "holds arrays one behind another, as np.save appends them; allowed: one array \
+                           (numpy: np.save of np.stack of them)";
+            return Err(Error::file(path, problem, None));
         }
         let fortran = header.order() == Order::Fortran && sides.len() > 1;
         Ok(Self { path: path.to_path_buf(), sides, fortran, header: start, sample, big_endian })

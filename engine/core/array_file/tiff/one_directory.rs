@@ -58,8 +58,11 @@ impl Behind {
     }
 }
 
-/// Least bytes of a frame behind which values are looked for: what else files hold there is shorter.
+/// Least bytes of a frame behind which any values are looked for: what else files hold there is shorter. Behind
+/// shorter frames only whole frames up to the end count.
 const LONG: u64 = 1 << 16;
+/// Least bytes of a frame behind which values are looked for at all.
+const SHORT: u64 = 64;
 
 /// Frames for which a file of one directory, the page in turn, has values behind the first, or in its strips; 0
 /// where its description need not count them.
@@ -74,7 +77,7 @@ pub(super) fn unread(pages: &mut Pages, path: &Path) -> TiffResult<u64> {
         return Ok(0);
     };
     let bytes = u64::from(columns) * u64::from(rows) * u64::from(bits / 8);
-    if bytes < LONG {
+    if bytes < SHORT {
         return Ok(0);
     }
     let sum = lengths.iter().fold(0_u64, |sum, length| sum.saturating_add(*length));
@@ -82,5 +85,7 @@ pub(super) fn unread(pages: &mut Pages, path: &Path) -> TiffResult<u64> {
     let end = ends.max().unwrap_or_default();
     let directory = pages.ifd_pointer().map(|pointer| pointer.0).filter(|at| *at >= end);
     let next = directory.unwrap_or_else(|| path.metadata().map_or(0, |found| found.len()));
-    Ok(((sum / bytes).max(1) - 1).max(next.saturating_sub(end) / bytes))
+    let behind = next.saturating_sub(end);
+    let frames = if bytes >= LONG || behind % bytes == 0 { behind / bytes } else { 0 };
+    Ok(((sum / bytes).max(1) - 1).max(frames))
 }

@@ -113,8 +113,7 @@ impl TiffPages {
                     }
                 }
             }
-            Some(_) => {}
-            None if count == 1 => {
+            Some(Described::Here(..)) | None if count == 1 => {
                 stored::seek(pages, self.frames[0]).map_err(unread)?;
                 let more = one_directory::unread(pages, &self.path).map_err(unread)?;
                 if more > 0 {
@@ -124,7 +123,7 @@ impl TiffPages {
                     ));
                 }
             }
-            None => {}
+            _ => {}
         }
         Ok(())
     }

@@ -114,7 +114,8 @@ fn kind(kind: &Kind) -> Value {
         }
         Kind::Step => quantity(&[Dimension::Length, Dimension::Angle], super::row::ANY),
         Kind::Unit => {
-            let units = Dimension::Length.units().map(escaped).collect::<Vec<_>>().join("|");
+            let units =
+                Dimension::Length.units().map(|unit| escaped(&unit)).collect::<Vec<_>>().join("|");
             json!({ "type": "string", "pattern": format!("^\\s*(([0-9.][0-9.eE+-]*\\s*)?({units})|inch|inches)\\s*$") })
         }
         Kind::Pair(range) => {
@@ -200,7 +201,8 @@ fn quantity(dimensions: &[Dimension], range: Range) -> Value {
         Some((low, itself)) if low > 0.0 || !itself => "(?=[0-9.]*[1-9])[0-9]*\\.?[0-9]*",
         _ => "(?=[0-9.]*[0-9])[0-9]*\\.?[0-9]*",
     };
-    let units = dimensions.iter().flat_map(|dimension| dimension.units()).map(escaped);
+    let units =
+        dimensions.iter().flat_map(|dimension| dimension.units()).map(|unit| escaped(&unit));
     let units = units.collect::<Vec<_>>().join("|");
     let pattern = format!("^\\s*{sign}{digits}([eE][+-]?[0-9]+)?\\s*({units})\\s*$");
     json!({ "type": "string", "pattern": pattern })

@@ -256,7 +256,14 @@ impl Value for String {
 
 impl Value for PathBuf {
     fn read(item: &ListItem<'_>, row: &'static Row) -> Result<Self> {
-        Ok(Self::from(item.text(&row.allowed())?))
+        let path = item.text(&row.allowed())?;
+        if path.contains(char::is_control) {
+            let found = format!("{path:?}, with a control character");
+            let allowed =
+                "a path; in double quotes a backslash begins an escape: write / or single quotes";
+            return item.refuse(item.error(found, allowed), Self::new());
+        }
+        Ok(Self::from(path))
     }
 
     fn write(&self, _: &Row, base: &Base<'_>) -> Result<Option<String>> {
