@@ -28,6 +28,7 @@ mod exposure;
 mod faces;
 mod illumination;
 pub(crate) mod inputs;
+mod machine;
 mod materials;
 mod two_directions;
 mod waves;
@@ -39,6 +40,7 @@ pub use costs::CheckedTolerances;
 pub use exposure::{MaterialDose, ScanExposure};
 pub(crate) use illumination::{DesignCurve, counting_options, design_curve, remove_counts};
 pub use illumination::{ExpectedRetrieval, ExpectedUncertainty, IlluminationCurve};
+pub use materials::Hardening;
 use materials::materials;
 pub use two_directions::PlanarUncertainty;
 pub use waves::{FlatLimits, ObjectLimits, RayLimits, WaveCriteria, WaveTransport};
@@ -155,6 +157,9 @@ pub struct Material {
     pub scattering: f64,
     /// The same along the axis of the material; without one it is `scattering`.
     pub scattering_along: f64,
+    /// Its hardening under a spectrum; `None` at one energy, and without an object of it in one place.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hardening: Option<Hardening>,
     /// True if an entry of the scene hides a built-in material of this name.
     pub shadows_builtin: bool,
 }
@@ -216,7 +221,7 @@ fn load_lenient(
     let nodes = spectrum::nodes(scene)?;
     let modulated = modulated(scene, (&nodes.energies, &nodes.weights))?;
     let energy = nodes.energies.iter().zip(&modulated).map(|(energy, share)| energy * share).sum();
-    let materials = materials(scene, energy)?;
+    let mut materials = materials(scene, energy)?;
     let with_bodies = materials.iter().filter_map(|material| {
         CheckedMicrostructure::of(scene, &material.name, energy).transpose()
     });
@@ -246,6 +251,7 @@ fn load_lenient(
     if scene.listed_objects().is_empty() {
         warnings.push("the scene has no objects: the sample stack will equal the flat".into());
     }
+    materials::add_hardening(&mut materials, scene, &sample, (&nodes.energies, &modulated))?;
     let ray_limits = RayLimits::of(scene, &sample)?;
     let mut report = CheckReport {
         title: scene.title.clone(),
@@ -272,12 +278,13 @@ fn load_lenient(
         warnings,
         refusals: refusals.iter().map(ToString::to_string).collect(),
     };
+    let of_machine = machine::warnings(&report.work);
+    report.warnings.splice(0..0, of_machine);
     report.warnings.extend(doubts::doubts(scene, &sample, &report));
     let kinks = beamlet_simulate::wave::facet_kinks(scene, &sample)?;
     report.warnings.extend(kinks.iter().map(ToString::to_string));
     report.warnings.extend(costs::warnings(scene, &report));
     report.warnings.extend(bodies::advice(scene, &report.objects, energy)?);
-    report.warnings.extend(report.ray_limits.warnings());
     let edges = run::edge_blur::bounded(scene, &swept);
     Ok((report, sample, edges))
 }
@@ -287,8 +294,13 @@ impl CheckReport {
     fn add_doubts_of_scan(&mut self, scene: &Scene) -> Result<()> {
         let curve = self.illumination.as_ref();
         self.warnings.extend(illumination::warnings(scene, &self.setup.nodes, curve)?);
-        self.warnings.extend(rim_errors(scene).iter().map(RimError::warning));
         Ok(())
+    }
+
+    /// Adds what holds of most set-ups, behind all others.
+    fn add_usual(&mut self, scene: &Scene) {
+        self.warnings.extend(rim_errors(scene).iter().map(RimError::warning));
+        self.warnings.extend(self.ray_limits.warning());
     }
 
     /// Adds tolerances far below the noise, with the time that a run takes without them where `seconds` gives

@@ -65,7 +65,7 @@ impl Figures {
             Ok(limits) => {
                 let lines = limits.lines().into_iter();
                 self.limits = lines.map(|(key, text)| TableRow::new(key, text)).collect();
-                let warnings = limits.warnings().into_iter();
+                let warnings = limits.warning().into_iter();
                 self.limits
                     .extend(warnings.map(|text| TableRow::new("warning", text).marked(true)));
             }

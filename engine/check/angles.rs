@@ -1,7 +1,10 @@
 //! Doubts about the angles of a scan: views that repeat others, and gaps.
 
-use beamlet_model::scene::Scan;
-use std::f64::consts::TAU;
+use beamlet_core::printed::number;
+use beamlet_geometry::Sample;
+use beamlet_model::optics::ends;
+use beamlet_model::scene::{Scan, Scene};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// Angles nearer to one another than this are the same view, rad.
 const SAME: f64 = 1e-7;
@@ -9,6 +12,9 @@ const SAME: f64 = 1e-7;
 const LEAST: usize = 8;
 /// Gap beyond which angles are missing, in medians of the gaps; golden angles have gaps of 1 to 2.62.
 const GAP: f64 = 3.0;
+
+/// Share of the views that a volume needs below which streaks hide it.
+const FEW: f64 = 1.0 / 3.0;
 
 /// Largest step, in degrees, of which the steps of a range are whole multiples.
 const ROUND: f64 = 0.05;
@@ -51,6 +57,39 @@ fn repeats(scan: &Scan, [a, b]: [usize; 2], count: usize) -> String {
              that intended?"
         ),
     }
+}
+
+/// Doubt about the number of views of a scan over half a turn or more: a slice of n pixels across has independent
+/// values of all directions from n pi/2 views over half a turn on.
+pub(super) fn few_views(scene: &Scene, sample: &Sample) -> Option<String> {
+    let angles = &scene.scan.angles;
+    let [low, high] = ends(angles);
+    let count = angles.len() as f64;
+    let span = (high - low) * count / (count - 1.0);
+    if angles.len() < LEAST || !scene.scan.is_circle() || span < 0.9 * PI {
+        return None;
+    }
+    let shrink = scene.axis_distance() / scene.detector.distance;
+    let [pixel, field] = [scene.detector.pitch[0], scene.detector.size()[0]].map(|it| it * shrink);
+    let across = |axis: usize| {
+        let sides = sample.objects.iter().map(|object| object.bounds.map(|corner| corner[axis]));
+        let [low, high] = sides.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], [a, b]| {
+            [low.min(a), high.max(b)]
+        });
+        high - low
+    };
+    let width = across(0).max(across(1)).min(field) / pixel;
+    let (found, needed) = (count * PI / span, FRAC_PI_2 * width);
+    (found < 0.999 * needed).then(|| {
+        let much = if found < FEW * needed { ", less than a third of them" } else { "" };
+        format!(
+            "scan.angles have {} views over half a turn{much}; a sample of {} pixels across needs {} for volumes \
+             without streaks",
+            number(found.round()),
+            number(width.round()),
+            number(needed.ceil())
+        )
+    })
 }
 
 /// Doubts about the angles; none where the sample moves otherwise, for angles may repeat then.

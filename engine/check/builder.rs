@@ -85,8 +85,8 @@ impl<'a> Check<'a> {
         let scene = &quality::resolved(scene)?;
         let of_engine = engine.and_then(|engine| engine.options().memory_limit);
         let limit = memory_limit.or(of_engine);
-        match engine {
-            Some(engine) if estimates => estimate::estimated(engine, scene, limit, control),
+        let mut report = match engine {
+            Some(engine) if estimates => estimate::estimated(engine, scene, limit, control)?,
             _ => {
                 let (mut report, _, edges) = load_lenient(scene, limit, control)?;
                 report.add_edges(scene, edges.as_ref());
@@ -97,8 +97,10 @@ impl<'a> Check<'a> {
                     estimate::add_curve(engine, scene, &mut report);
                 }
                 report.add_doubts_of_scan(scene)?;
-                Ok(report)
+                report
             }
-        }
+        };
+        report.add_usual(scene);
+        Ok(report)
     }
 }

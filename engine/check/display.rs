@@ -1,7 +1,7 @@
 //! The report as aligned text for a terminal.
 
 use super::{
-    CheckReport, CheckedObject, ExpectedUncertainty, IlluminationCurve, Material,
+    CheckReport, CheckedObject, ExpectedUncertainty, Hardening, IlluminationCurve, Material,
     PlanarUncertainty, ScanExposure, Work,
 };
 use beamlet_core::numbers;
@@ -171,6 +171,12 @@ fn write_illumination(f: &mut Formatter<'_>, curve: &IlluminationCurve) -> fmt::
     let periods = [low, high].map(|reach| reach * curve.sigma / curve.period);
     let reach =
         format!("{low:.2} to {high:.2} sigma, {:.3} to {:.3} periods", periods[0], periods[1]);
+    // The digits of a curve say nothing of a hundredth of its width.
+    let place = match curve.peak.abs() > 0.01 * curve.sigma {
+        true => format!(" from the peak at {}", length(curve.peak)),
+        false => String::new(),
+    };
+    let reach = reach + &place;
     line(f, "mask offsets", reach)?;
     if curve.has_three_offsets() {
         let settled = "T, alpha and sigma_DF2, without a background of their own: what is beside the light that the \
@@ -265,6 +271,9 @@ fn write_material(f: &mut Formatter<'_>, material: &Material, width: usize) -> f
             write!(f, " across its axis, {} along it", text(*scattering_along))?;
         }
     }
+    if let Some(Hardening { path, change }) = &material.hardening {
+        write!(f, "  hardening {:+.1} % over {}", 100.0 * change, length(*path))?;
+    }
     write!(f, "  ({})", material.used_by.join(", "))?;
     writeln!(f, "{}", if material.shadows_builtin { ", hides the built-in one" } else { "" })
 }
@@ -342,7 +351,7 @@ fn about(value: f64) -> String {
 }
 
 /// Bytes in the unit that suits them.
-fn bytes(value: u64) -> String {
+pub(super) fn bytes(value: u64) -> String {
     const UNITS: [&str; 4] = ["KiB", "MiB", "GiB", "TiB"];
     let mut scaled = value as f64 / 1024.0;
     let mut unit = 0;

@@ -4,9 +4,7 @@ use super::{CheckReport, angles, faces};
 use beamlet_core::printed::number;
 use beamlet_geometry::Sample;
 use beamlet_model::optics::{Mask, Optics, ends};
-use beamlet_model::scene::{
-    Beam, Counts, MaskSpec, MaterialSpec, Photons, Scene, SpectrumOrigin, limits,
-};
+use beamlet_model::scene::{Beam, Counts, MaterialSpec, Photons, Scene, SpectrumOrigin, limits};
 use beamlet_model::spectrum::Spectrum;
 use beamlet_model::{material, spot};
 use beamlet_recon::retrieve::{Method, different_offsets};
@@ -25,6 +23,8 @@ const CONTINUOUS: std::ops::Range<usize> = 10..8192;
 const GAS: f64 = 0.01;
 /// Share of the photons that filters and path leave, below which one of them is probably too thick.
 const DARK: f64 = 1e-3;
+/// Share of the light that an absorber takes, below which it is probably too thin.
+const THIN_ABSORBER: f64 = 0.01;
 /// Share of a mask that is open, below which its aperture or period is probably wrong.
 const CLOSED: f64 = 0.01;
 /// Photons of an open pixel in a frame that no set-up has.
@@ -43,8 +43,6 @@ const WIDE_PIXELS: f64 = 5e-3;
 const DENSEST: f64 = 4e-3;
 /// Detector numbers of the brightest pixel behind the masks, below which rounding takes the signal.
 const FEW_NUMBERS: f64 = 2.0;
-/// Relative difference of periods that fit one another.
-const SAME_PERIOD: f64 = 1e-3;
 /// Light of a frame over the nominal one, or its inverse, beyond which a share was meant as per cent.
 const UNSTEADY: f64 = 2.0;
 
@@ -56,11 +54,11 @@ struct Doubts(Vec<String>);
 pub(super) fn doubts(scene: &Scene, sample: &Sample, report: &CheckReport) -> Vec<String> {
     let optics = Optics::of(scene);
     let mut all = Doubts::default();
-    all.of_pixels(&optics);
+    all.of_pixels(scene, &optics);
     all.of_masks(scene, &optics);
     all.of_beam(scene, report.setup.nodes.mean_energy());
     all.of_scan(scene);
-    all.0.extend(curve_beside_scan(scene));
+    all.0.extend(angles::few_views(scene, sample));
     all.0.extend(angles::doubts(&scene.scan));
     all.of_materials(scene, report.setup.energy);
     if let Some(counts) = &scene.detector.counts {
@@ -81,7 +79,7 @@ impl Doubts {
     }
 
     /// Pixels that no detector has, and masks whose projected periods or slits do not fit one another or the pixels.
-    fn of_pixels(&mut self, optics: &Optics) {
+    fn of_pixels(&mut self, scene: &Scene, optics: &Optics) {
         let detector = &optics.detector;
         let (plane, [pitch, height]) = (detector.distance, detector.pitch);
         let columns = f64::from(detector.pixels[0]);
@@ -95,6 +93,17 @@ impl Doubts {
         let period = mask.without_shifts(plane).period[0];
         if let Some(sample_mask) = &optics.sample_mask {
             let first = sample_mask.without_shifts(plane).period[0];
+            let times = (first / period).round();
+            let is_plain =
+                scene.masks().all(|(_, mask)| mask.apertures.is_empty() && mask.shifts.is_empty());
+            self.add(is_plain && times >= 2.0, || {
+                format!(
+                    "the projected period of sample_mask, {:.3} um, is {times} times that of detector_mask, {:.3} um: \
+                     one slit of {times} has light at a time; is one of the periods wrong?",
+                    first * 1e6,
+                    period * 1e6
+                )
+            });
             let moire = fringes(first, period, columns);
             self.add(moire > FRINGES, || {
                 format!(
@@ -169,6 +178,19 @@ impl Doubts {
     /// A beam that air or filters change much. `energy`: mean, keV.
     fn of_beam(&mut self, scene: &Scene, energy: f64) {
         self.0.extend(dark_beam(scene));
+        if let Some(absorber) = &scene.detector.absorber
+            && let Ok(of) = material::constants_at(scene, &absorber.material, energy)
+        {
+            let taken = -libm::expm1(-of.mu * absorber.thickness);
+            self.add(taken < THIN_ABSORBER, || {
+                format!(
+                    "detector.absorber takes {:.2} % of the photons that reach it at {} keV: are its thickness, unit and \
+                     material right?",
+                    100.0 * taken,
+                    number(energy)
+                )
+            });
+        }
         let Beam::Spectrum(spec) = &scene.source.beam else { return };
         let distance = scene.detector.distance;
         // A single energy is not hardened.
@@ -311,22 +333,22 @@ impl Doubts {
     /// Too few photons of an open pixel for a fit, or more than the numbers of the detector hold. `passed`: most light of
     /// a pixel behind the masks, share of open beam.
     fn of_counts(&mut self, counts: &Counts, photons: f64, passed: f64) {
-        let source = match counts.photons {
-            Photons::Number(_) => "detector.photons of",
+        let begin = |number: String| match counts.photons {
+            Photons::Number(_) => format!("detector.photons of {number} is"),
             Photons::Exposure(_) => {
-                "detector.exposure and source.current give a number of photons of"
+                format!("{number} photons by detector.exposure and source.current are")
             }
         };
         self.add(photons < FEW_PHOTONS, || {
+            let begin = begin(number(photons));
             format!(
-                "{source} {} is too few for a fit: it is the mean number of photons of an open pixel in a frame",
-                number(photons)
+                "{begin} too few for a fit: it is the mean number of photons of an open pixel in a frame"
             )
         });
         self.add(photons > MANY_PHOTONS, || {
+            let begin = begin(format!("{photons:.1e}"));
             format!(
-                "{source} {photons:.1e} is more than an open pixel gets in a frame: it is no sum over pixels \
-                 or frames, and no rate"
+                "{begin} more than an open pixel gets in a frame: it is no sum over pixels or frames, and no rate"
             )
         });
         let signal = passed * photons * counts.gain;
@@ -386,34 +408,6 @@ fn dark_beam(scene: &Scene) -> Option<String> {
     (left < DARK).then(|| {
         format!(
             "{what} leave {left:.1e} of the photons of the source: are thickness, unit and material right?"
-        )
-    })
-}
-
-/// Offsets of the masks that move the illumination curve out of the scan, where slits and pixels have one
-/// period.
-fn curve_beside_scan(scene: &Scene) -> Option<String> {
-    let [sample, detector] = [&scene.sample_mask, &scene.detector_mask].map(Option::as_ref);
-    let [sample, detector] = [sample?, detector?];
-    let is_plain = |mask: &MaskSpec| mask.apertures.is_empty() && mask.shifts.is_empty();
-    if !(is_plain(sample) && is_plain(detector)) {
-        return None;
-    }
-    let (period, pitch) = (sample.period, scene.detector.pitch[0] / scene.detector.distance);
-    let fits = |period: f64, distance: f64| (period / distance / pitch - 1.0).abs() < SAME_PERIOD;
-    if !fits(period, sample.distance) || !fits(detector.period, detector.distance) {
-        return None;
-    }
-    let [low, high] = ends(&scene.scan.mask_offsets);
-    let middle = f64::midpoint(low, high);
-    let peak = middle + libm::remainder(scene.peak_offset()? - middle, period);
-    (low < high && !(low..=high).contains(&peak)).then(|| {
-        format!(
-            "the illumination curve has its peak at a mask offset of {:.3} um, outside scan.mask_offsets \
-             ({:.3} to {:.3} um): sample_mask.offset and detector_mask.offset displace it",
-            peak * 1e6,
-            low * 1e6,
-            high * 1e6
         )
     })
 }

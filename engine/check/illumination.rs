@@ -5,7 +5,7 @@ use beamlet_core::Result;
 use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
 use beamlet_model::optics::{self, Optics, ThinCurve};
-use beamlet_model::scene::{Blur, Counts, Object, Quality, Scan, Scatter, Scene, Scheme};
+use beamlet_model::scene::{Blur, Counts, MaskSpec, Object, Quality, Scan, Scatter, Scene, Scheme};
 use beamlet_model::spectrum::Nodes;
 use beamlet_recon::retrieve::{
     BackgroundTerm, Fitter, Method, Response, RetrieveOptions, Retriever, RimError, ValueNoise,
@@ -14,6 +14,7 @@ use beamlet_recon::retrieve::{
 use beamlet_simulate::run::quality;
 use ndarray::{Array2, Array3, ArrayView2, Axis};
 use serde::Serialize;
+use std::f64::consts::TAU;
 
 /// Offsets over a period at which the curve is taken.
 const OFFSETS: u32 = 128;
@@ -23,6 +24,8 @@ const PART: [u32; 2] = [4, 1];
 pub(super) const BLURRED_PART: [u32; 2] = [96, 96];
 /// Difference from a whole number of periods in a pixel that adds nothing over a detector.
 const SAME_PERIOD: f64 = 1e-6;
+/// Relative difference of periods that fit one another.
+const FITTING_PERIOD: f64 = 1e-3;
 /// Least standard deviation of a blur, pixels, beyond which the light of a flat does not depend on it where the masks
 /// have periods of up to as many pixels: exp(-2 pi^2) of a wave of that period is left, 3e-9.
 const WIDE_BLUR: f64 = 4.0;
@@ -42,7 +45,9 @@ pub struct IlluminationCurve {
     pub visibility: f64,
     /// Mean light over the offsets of a period, share of open beam.
     pub open_fraction: f64,
-    /// Standard deviation of the Gaussian that fits the curve over a period, m.
+    /// Offset of the peak that is nearest to the middle of the scan, by the first harmonic of the curve, m.
+    pub peak: f64,
+    /// Standard deviation of the Gaussian that fits the curve over a period around its peak, m.
     pub sigma: f64,
     /// Full width at the middle between least and greatest light, m.
     pub fwhm: f64,
@@ -86,10 +91,10 @@ pub struct ExpectedUncertainty {
 }
 
 impl IlluminationCurve {
-    /// Least and greatest offset of the scan from the curve's centre, over its σ.
+    /// Least and greatest offset of the scan from the peak of the curve, over its σ.
     #[must_use]
     pub fn reach(&self) -> [f64; 2] {
-        reach(self.scan.iter().map(|[offset, _]| *offset), self.sigma)
+        reach(self.scan.iter().map(|[offset, _]| *offset - self.peak), self.sigma)
     }
 
     /// True if the scan has three different offsets and no more: they settle area, centre and width
@@ -124,7 +129,10 @@ pub(super) fn illumination(
     let step = period / f64::from(OFFSETS);
     let offsets = offsets_of_period(&optics);
     let [light, scanned] = lights(engine, masks, offsets.clone())?;
-    let Some(sigma) = fitted_sigma(engine, &offsets, &light)? else { return Ok(None) };
+    let peak = peak(&offsets, &light, period);
+    let Some(sigma) = fitted_sigma(engine, &offsets, &around(peak, &offsets, &light))? else {
+        return Ok(None);
+    };
     let [least, most] = ends(&light);
     let scan: Vec<[f64; 2]> =
         scene.scan.mask_offsets.iter().zip(&scanned).map(|(a, b)| [*a, *b]).collect();
@@ -135,6 +143,7 @@ pub(super) fn illumination(
     let retrieval = retrieval(engine, masks)?;
     Ok(Some(IlluminationCurve {
         period,
+        peak: nearest(peak, &scene.scan.mask_offsets, period),
         visibility: visibility(&light),
         open_fraction: light.iter().sum::<f64>() / light.len() as f64,
         sigma,
@@ -228,6 +237,31 @@ fn offsets_of_period(optics: &Optics) -> Vec<f64> {
 fn ends(light: &[f64]) -> [f64; 2] {
     let ends = [f64::INFINITY, f64::NEG_INFINITY];
     light.iter().fold(ends, |[least, most], light| [least.min(*light), most.max(*light)])
+}
+
+/// Place of the first harmonic of light over a period, m.
+fn peak(offsets: &[f64], light: &[f64], period: f64) -> f64 {
+    let [sine, cosine] = offsets.iter().zip(light).fold([0.0; 2], |[s, c], (offset, light)| {
+        let (sine, cosine) = libm::sincos(TAU * offset / period);
+        [s + light * sine, c + light * cosine]
+    });
+    libm::atan2(sine, cosine) * period / TAU
+}
+
+/// The light of a period, moved by whole steps so that the place nearest to its peak is in the middle of the offsets.
+fn around(peak: f64, offsets: &[f64], light: &[f64]) -> Vec<f64> {
+    let place = offsets.partition_point(|offset| *offset < peak).min(light.len() - 1);
+    let middle = offsets.partition_point(|offset| *offset < 0.0);
+    let mut moved = light.to_vec();
+    moved.rotate_left((place + light.len() - middle) % light.len());
+    moved
+}
+
+/// A peak moved by whole periods to the middle of a scan.
+fn nearest(peak: f64, scan: &[f64], period: f64) -> f64 {
+    let [low, high] = ends(scan);
+    let middle = f64::midpoint(low, high);
+    middle + libm::remainder(peak - middle, period)
 }
 
 fn visibility(light: &[f64]) -> f64 {
@@ -384,9 +418,18 @@ pub(super) fn warnings(
     let leaks = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;
     let thin = || ThinCurve::of(&optics, leaks).and_then(|curve| curve.fitted_sigma());
     let mut warnings = leak_warnings(leaks);
-    if let Some(sigma) = curve.map(|curve| curve.sigma).or_else(thin) {
-        warnings.extend(scan_warning(&scene.scan.mask_offsets, sigma, optics.curve_period()));
+    let offsets = &scene.scan.mask_offsets;
+    let by_places =
+        || peak_by_places(scene).map(|peak| nearest(peak, offsets, optics.curve_period()));
+    let peak = curve.map(|curve| curve.peak).or_else(by_places);
+    let missed = peak.and_then(|peak| missed_peak(offsets, peak));
+    if missed.is_none()
+        && let Some(sigma) = curve.map(|curve| curve.sigma).or_else(thin)
+    {
+        let peak = peak.unwrap_or_default();
+        warnings.extend(scan_warning(offsets, [peak, sigma], optics.curve_period()));
     }
+    warnings.extend(missed);
     let retrieval = curve.and_then(|curve| curve.retrieval.as_ref());
     if let Some((retrieval, response)) = retrieval.and_then(|it| Some((it, it.response?))) {
         let own =
@@ -394,6 +437,31 @@ pub(super) fn warnings(
         warnings.extend(response.warning(&own, None));
     }
     Ok(warnings)
+}
+
+/// Offset of the peak of the illumination curve by the places of slits, m, where slits and pixels have one period.
+fn peak_by_places(scene: &Scene) -> Option<f64> {
+    let [sample, detector] = [&scene.sample_mask, &scene.detector_mask].map(Option::as_ref);
+    let [sample, detector] = [sample?, detector?];
+    let is_plain = |mask: &MaskSpec| mask.apertures.is_empty() && mask.shifts.is_empty();
+    let pitch = scene.detector.pitch[0] / scene.detector.distance;
+    let fits = |mask: &MaskSpec| (mask.period / mask.distance / pitch - 1.0).abs() < FITTING_PERIOD;
+    let is_aligned = [sample, detector].into_iter().all(|mask| is_plain(mask) && fits(mask));
+    scene.peak_offset().filter(|_| is_aligned)
+}
+
+/// Offsets beside the peak of the illumination curve, m.
+fn missed_peak(offsets: &[f64], peak: f64) -> Option<String> {
+    let [low, high] = ends(offsets);
+    (low < high && !(low..=high).contains(&peak)).then(|| {
+        format!(
+            "the illumination curve has its peak at a mask offset of {:.3} um, outside scan.mask_offsets \
+             ({:.3} to {:.3} um): sample_mask.offset and detector_mask.offset displace it",
+            peak * 1e6,
+            low * 1e6,
+            high * 1e6
+        )
+    })
 }
 
 /// Bars that pass too much light.
@@ -417,12 +485,12 @@ fn reach(offsets: impl Iterator<Item = f64>, sigma: f64) -> [f64; 2] {
     ends.map(|offset| offset / sigma)
 }
 
-/// Offsets that say little of a curve with this σ, m, and this period, m.
-fn scan_warning(offsets: &[f64], sigma: f64, period: f64) -> Option<String> {
-    let [low, high] = reach(offsets.iter().copied(), sigma);
+/// Offsets that say little of a curve with this peak and σ, m, and this period, m.
+fn scan_warning(offsets: &[f64], [peak, sigma]: [f64; 2], period: f64) -> Option<String> {
+    let [low, high] = reach(offsets.iter().map(|offset| offset - peak), sigma);
     let half = 0.5 * period;
     let farthest = low.abs().max(high.abs()) * sigma;
-    let sigma = sigma * 1e6;
+    let [peak, sigma] = [peak, sigma].map(|length| length * 1e6);
     // Half a period to the digits of a scene file.
     if farthest > half * (1.0 + 1e-6) {
         return Some(format!(
@@ -436,8 +504,9 @@ fn scan_warning(offsets: &[f64], sigma: f64, period: f64) -> Option<String> {
     (offsets.len() > 3 && (low > -2.2 || high < 2.2)).then(|| {
         format!(
             "scan.mask_offsets cover {low:.1} to {high:.1} sigma of the illumination curve (sigma \
-             {sigma:.2} um); -{0:.0} to {0:.0} um, 2.5 sigma, would determine width and background",
-            2.5 * sigma
+             {sigma:.2} um); {:.0} to {:.0} um, 2.5 sigma, would determine width and background",
+            peak - 2.5 * sigma,
+            peak + 2.5 * sigma
         )
     })
 }

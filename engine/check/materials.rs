@@ -2,8 +2,20 @@
 
 use super::Material;
 use beamlet_core::Result;
+use beamlet_geometry::Sample;
 use beamlet_model::scene::{MaskSpec, MaterialSpec, Object, Scene};
 use beamlet_model::{material, microstructure};
+use serde::Serialize;
+
+/// Attenuation of a path through a material by the modulated light of a spectrum.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+#[non_exhaustive]
+pub struct Hardening {
+    /// Longest horizontal side of an object of the material, m.
+    pub path: f64,
+    /// -ln T of the path over its length, relative to `mu` of the material, less 1.
+    pub change: f64,
+}
 
 /// Materials in use, each once, in the order: surroundings, objects, masks.
 pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
@@ -56,11 +68,41 @@ pub(super) fn materials(scene: &Scene, energy: f64) -> Result<Vec<Material>> {
             critical_angle: (2.0 * constants.delta.max(0.0)).sqrt(),
             scattering: across,
             scattering_along: along,
+            hardening: None,
             shadows_builtin: shadows_builtin(scene, &name),
             name,
         });
     }
     Ok(found)
+}
+
+/// Adds the hardening of the materials of objects. `light`: energies, keV, and their shares of the modulated light.
+///
+/// # Errors
+/// As [`material::constants_over`].
+pub(super) fn add_hardening(
+    materials: &mut [Material],
+    scene: &Scene,
+    sample: &Sample,
+    (energies, shares): (&[f64], &[f64]),
+) -> Result<()> {
+    for material in materials.iter_mut().filter(|material| energies.len() > 1 && material.mu > 0.0)
+    {
+        let objects = scene.objects.iter().zip(&sample.objects);
+        let sides = objects
+            .filter(|(object, _)| object.material == material.name && object.instances.is_none());
+        let longest = |[low, high]: [[f64; 3]; 2]| (high[0] - low[0]).max(high[1] - low[1]);
+        let path = sides.map(|(_, summary)| longest(summary.bounds)).fold(0.0, f64::max);
+        if path <= 0.0 {
+            continue;
+        }
+        let all = material::constants_over(scene, &material.name, energies)?;
+        let passed: f64 =
+            all.iter().zip(shares).map(|(of, share)| share * libm::exp(-of.mu * path)).sum();
+        let change = -libm::log(passed) / path / material.mu - 1.0;
+        material.hardening = change.is_finite().then_some(Hardening { path, change });
+    }
+    Ok(())
 }
 
 /// True if an entry of the scene has the name of a built-in material and is another one.

@@ -113,6 +113,15 @@ pub fn require_memory(bytes: u64, purpose: &str) -> Result<()> {
     ask(bytes, purpose, REMEDY)
 }
 
+/// Bytes of the memory of this machine; `None` where the system does not say.
+#[must_use]
+pub fn machine_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemTotal:"))?;
+    let kibibytes: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
+    kibibytes.checked_mul(1 << 10)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -8,8 +8,8 @@ use beamlet_model::scene::{Mesh, Object, Scene, ShapeOrMesh};
 const MOST_FIELDS: f64 = 20.0;
 /// Pixels that it should be across.
 const LEAST_PIXELS: f64 = 2.0;
-/// Pixels across below which a shape is too small for any image.
-const INVISIBLE_PIXELS: f64 = 1e-3;
+/// Pixels across below which a shape is too thin for any image, along two of its axes at least.
+const THIN_PIXELS: f64 = 0.1;
 /// Units that files are written in, m.
 const UNITS: [f64; 5] = [1e-3, 1e-6, 1e-2, 25.4e-3, 1.0];
 
@@ -34,12 +34,15 @@ pub(super) fn unit_doubt(
     let [low, high] = summary.bounds;
     let across = (0..3).map(|axis| high[axis] - low[axis]).fold(0.0, f64::max);
     let ShapeOrMesh::Mesh(Mesh::File { unit, .. }) = &object.geometry else {
-        let is_invisible = across < INVISIBLE_PIXELS * pixel && object.instances.is_none();
-        return is_invisible.then(|| {
+        let mut sides = [0, 1, 2].map(|axis| high[axis] - low[axis]);
+        sides.sort_by(f64::total_cmp);
+        // Films are thin along one axis.
+        let is_thin = sides[1] < THIN_PIXELS * pixel && object.instances.is_none();
+        return is_thin.then(|| {
             format!(
-                "is {} across, {:.2e} pixels at the rotation centre: is its size (or `scale`) the right one?",
-                rounded(across),
-                across / pixel
+                "is {} across, {:.2e} pixels at the rotation centre: are its unit and `scale` right?",
+                rounded(sides[1]),
+                sides[1] / pixel
             )
         });
     };

@@ -36,6 +36,9 @@ pub(super) struct SampleLight {
     reference: Arc<Reference>,
 }
 
+/// Least distance of pixels beside the sample from those that it touches, pixels: refraction at a rim lights the nearest.
+const BESIDE: usize = 2;
+
 /// Ideal images and pixels of objects that scores take.
 #[derive(Debug)]
 struct Reference {
@@ -286,12 +289,12 @@ impl SampleLight {
             Measure::Bias => mean(&own, difference).sqrt(),
             Measure::Error => mean(&own, |pixel| difference(pixel) + variance(pixel)).sqrt(),
             Measure::ContrastToNoise => {
-                let beside = pixels(&|share| share == 0.0, any);
+                let beside = pixels(&|share| share == 0.0, &widened(any));
                 if beside.is_empty() {
-                    return Err("no pixel beside the sample".into());
+                    return Err(format!("no pixel {BESIDE} pixels or more beside the sample"));
                 }
                 let beside = select_usable(beside, score.measure)?;
-                let level = mean(&beside, |pixel| pixel.found);
+                let level = median(&beside, |pixel| pixel.found);
                 let contrast = mean(&own, |pixel| (pixel.found - level).powi(2));
                 let noise = 0.5 * (mean(&own, variance) + mean(&beside, variance));
                 (contrast / noise).sqrt()
@@ -324,6 +327,23 @@ fn select_usable(pixels: Vec<Pixel>, measure: Measure) -> std::result::Result<Ve
         true => Ok(usable),
         false => Err(format!("{} of {all} pixels have no result", all - usable.len())),
     }
+}
+
+/// Largest share within [`BESIDE`] pixels, itself not counted, of each pixel.
+fn widened(shares: &Array3<f32>) -> Array3<f32> {
+    let (_, rows, columns) = shares.dim();
+    let around = |at: usize, end: usize| at.saturating_sub(BESIDE - 1)..(at + BESIDE).min(end);
+    Array3::from_shape_fn(shares.dim(), |(view, row, column)| {
+        let near = s![view, around(row, rows), around(column, columns)];
+        shares.slice(near).iter().fold(0.0, |most, share| share.max(most))
+    })
+}
+
+fn median(pixels: &[Pixel], of: impl Fn(&Pixel) -> f64) -> f64 {
+    let mut values: Vec<f64> = pixels.iter().map(of).collect();
+    values.sort_by(f64::total_cmp);
+    let upper = values.len() / 2;
+    f64::midpoint(values[(values.len() - 1) / 2], values[upper])
 }
 
 fn mean(pixels: &[Pixel], of: impl Fn(&Pixel) -> f64) -> f64 {

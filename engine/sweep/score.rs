@@ -45,7 +45,7 @@ pub(super) enum Measure {
     Bias,
     /// The same with noise.
     Error,
-    /// Root mean square of the difference from the mean beside the sample, over the noise.
+    /// Root mean square of the difference from the median beside the sample, over the noise.
     ContrastToNoise,
 }
 

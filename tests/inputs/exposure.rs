@@ -1,6 +1,7 @@
 //! Photons, time and dose of a scan, against closed forms and SpekPy.
 
 use beamlet::check::{Check, ScanExposure};
+use beamlet::material::constants_at;
 use beamlet::scene::{Filter, Scene};
 use beamlet::spectrum::Spectrum;
 
@@ -114,4 +115,25 @@ fn tube_output_is_that_of_spekpy() {
         let again = exposure(&source.replace(current, ""), &numbers, "");
         close(again.water_dose, found.water_dose, 1e-9);
     }
+}
+
+/// Hardening of a box by two lines of equal photons, without masks: -ln of the mean transmission in closed form.
+#[test]
+fn hardening_of_a_path_is_that_of_its_lines() {
+    let directory = tempfile::tempdir().unwrap();
+    std::fs::write(directory.path().join("lines.csv"), "energy_keV,weight\n20,1\n40,1\n").unwrap();
+    let text = "detector = { distance = \"1.8 m\", pixels = [8, 8], pitch = \"150 um\" }\n\
+        source = { distance = \"1.2 m\", spot = \"10 um\", spectrum = \"lines.csv\" }\n\
+        [[object]]\nname = \"block\"\nmaterial = \"water\"\n\
+        shape = { box = { size = [\"20 mm\", \"5 mm\", \"1 mm\"] } }\n";
+    let scene = Scene::from_toml(text, directory.path()).unwrap();
+    let report = Check::of(&scene).run().unwrap();
+    let mu = |energy: f64| constants_at(&scene, "water", energy).unwrap().mu;
+    let passed = 0.5 * ((-mu(20.0) * 0.02).exp() + (-mu(40.0) * 0.02).exp());
+    let wanted = -passed.ln() / 0.02 / mu(30.0) - 1.0;
+    let water = report.materials.iter().find(|material| material.name == "water").unwrap();
+    let found = water.hardening.unwrap();
+    assert!((found.path - 0.02).abs() < 1e-12);
+    assert!((found.change - wanted).abs() < 1e-9 && wanted.abs() > 0.01, "{found:?} {wanted}");
+    assert!(report.to_string().contains("% over 20 mm"), "{report}");
 }

@@ -121,7 +121,14 @@ fn odd_values_are_warned_of_in_words() {
             "--set detector.photons=20000 --set detector.electronic_noise=1e5",
             "it is a standard deviation, in detector numbers",
         ),
-        ("--set object.rod.scale=1e-9", "is its size (or `scale`) the right one?"),
+        ("--set object.rod.scale=1e-9", "are its unit and `scale` right?"),
+        ("--set object.rod.shape.cylinder.radius=0.5um", "are its unit and `scale` right?"),
+        ("--set detector.pixels=[60000,60000]", "of the disk"),
+        ("--set sample_mask.period=200um", "is 2 times that of detector_mask"),
+        (
+            "--set detector.absorber={material=\"CsI\",thickness=\"100nm\"}",
+            "of the photons that reach it",
+        ),
         ("--set sample_mask.offset=40um", "peak at a mask offset of -40.000 um, outside"),
         ("--set materials.plastic.delta=2.4e-5", "the densest solid has at 30 keV, about 4.4e-6"),
         (

@@ -183,7 +183,7 @@ fn shipped_examples_have_no_warnings_but_of_the_limits_of_rays() {
         let warnings: Vec<&str> = text.lines().filter(|line| line.contains("warning")).collect();
         match name {
             "tomography" => {
-                let [warning, rim] = warnings[..] else { panic!("{name}: {text}") };
+                let [rim, warning] = warnings[..] else { panic!("{name}: {text}") };
                 assert!(rim.starts_with("warning: \"matrix\" is round about the axis"), "{rim}");
                 assert!(
                     warning.starts_with("warning: \"fibres\" is outside ray optics"),

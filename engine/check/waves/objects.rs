@@ -84,7 +84,9 @@ fn doubts(object: &Object, sizes: &Sizes, found: &ObjectLimits) -> Vec<String> {
         return is_small.then(|| reason.into()).into_iter().collect();
     }
     let mut doubts = Vec::new();
-    if found.fill > DENSE {
+    let has_neighbours =
+        object.instances.is_some() || matches!(object.geometry, ShapeOrMesh::Mesh(_));
+    if found.fill > DENSE && has_neighbours {
         doubts.push(format!(
             "bodies fill {:.0} % of their box: above {:.0} % they are not independent, as the estimate of the \
              dark field assumes",

@@ -5,20 +5,21 @@ use super::{DARK_FIELD, FLAT, FlatLimits, ObjectLimits, RayLimits, WaveTransport
 use crate::check::display::length;
 
 impl RayLimits {
-    /// Warnings where rays err by more than 1 % of the peak of the flat, or by 10 % of a dark field, with the key
+    /// Warning where rays err by more than 1 % of the peak of the flat, or by 10 % of dark fields, with the key
     /// that mends it; none where the scene is computed by waves.
     #[must_use]
-    pub fn warnings(&self) -> Vec<String> {
+    pub fn warning(&self) -> Option<String> {
         let by_waves = match &self.waves {
-            WaveTransport::Used => return Vec::new(),
+            WaveTransport::Used => return None,
             WaveTransport::Possible => r#"sampling.transport = "wave" computes it"#.into(),
             WaveTransport::Refused(found) => {
                 format!("sampling.transport = \"wave\" would compute it, but refuses {found}")
             }
         };
         let flat = self.flat.as_ref().filter(|flat| flat.relative > FLAT).map(flat);
-        let all = flat.into_iter().chain(self.objects.iter().filter_map(object));
-        all.map(|text| format!("{text}; {by_waves}")).collect()
+        let all: Vec<String> =
+            flat.into_iter().chain(self.objects.iter().filter_map(object)).collect();
+        (!all.is_empty()).then(|| format!("{}; {by_waves}", all.join("; ")))
     }
 }
 

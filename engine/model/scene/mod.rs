@@ -123,11 +123,14 @@ impl Scene {
                 if let Err(error) = std::fs::metadata(path) {
                     return Err(Error::file(path, "cannot be read", Some(error)));
                 }
+                let of_run = path.join("scene.toml");
                 let problem = match path.is_dir() {
-                    true => {
-                        "the scene file must end in .toml or .json; this is a directory without a run"
+                    true if of_run.is_file() => {
+                        let scene = beamlet_core::printed::path(&of_run);
+                        format!("the scene file must end in .toml or .json; this is a directory, whose scene is {scene}")
                     }
-                    false => "the scene file must end in .toml or .json",
+                    true => "the scene file must end in .toml or .json; this is a directory without a run".into(),
+                    false => "the scene file must end in .toml or .json".into(),
                 };
                 return Err(Error::file(path, problem, None));
             }

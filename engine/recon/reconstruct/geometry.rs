@@ -131,7 +131,10 @@ impl ScanGeometry {
             return wrong("rows", found, "one or more finite places, descending and even");
         }
         if self.angles.len() < 3 || !is_finite(&self.angles) {
-            let found = format!("{} views", self.angles.len());
+            let found = match self.angles.len() {
+                1 => "1 view".to_owned(),
+                count => format!("{count} views"),
+            };
             let allowed = "three or more views at finite angles: a scan (scan.angles)";
             return wrong("angles", found, allowed);
         }
