@@ -49,6 +49,7 @@ pub(super) fn run(arguments: &Arguments, out: &mut impl Write) -> Result<(), Fai
     })?;
     let done = Results::of(&sweep, &outcomes);
     let files = write(arguments, &done, &load)?;
+    done.warnings().iter().for_each(|text| log::warn!("{text}"));
     match arguments.json {
         true => super::write_json(&done.report(), out)?,
         false if arguments.messages.quiet => {}

@@ -6,7 +6,7 @@ use beamlet_core::cancel::Cancel;
 use beamlet_core::numbers::{self, single};
 use beamlet_model::optics::{self, Optics, ThinCurve};
 use beamlet_model::scene::{Blur, Counts, MaskSpec, Object, Quality, Scan, Scatter, Scene, Scheme};
-use beamlet_model::spectrum::Nodes;
+use beamlet_model::spectrum::{self, Nodes};
 use beamlet_recon::retrieve::{
     BackgroundTerm, Fitter, Method, Response, RetrieveOptions, Retriever, RimError, ValueNoise,
     Weights, phase_errors,
@@ -157,9 +157,14 @@ pub(super) fn illumination(
     }))
 }
 
-/// Visibility and uncertainties of a design.
+/// Visibility, leaks, error of rays and uncertainties of a design.
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct DesignCurve {
+    /// Mean light of the bars of the sample mask and of the detector mask, share of what falls on them; 0 of a mask that
+    /// is missing.
+    pub(crate) leak: [f64; 2],
+    /// Greatest difference of the flat by waves and by rays with thin masks, over the peak; `None` where it is unknown.
+    pub(crate) ray_error: Option<f64>,
     /// (greatest − least) / (greatest + least); `None` where [`IlluminationCurve`] is nothing.
     pub(crate) visibility: Option<f64>,
     /// Uncertainties along x; `None` without photons, and where the offsets do not settle a fit.
@@ -176,6 +181,10 @@ pub(crate) fn design_curve(engine: &Engine, scene: &Scene) -> Result<DesignCurve
     scene.objects.clear();
     let scene = &scene;
     let optics = Optics::of(scene);
+    let nodes = spectrum::nodes(scene)?;
+    let leak = optics::mean_leaks(scene, &optics, (&nodes.energies, &nodes.weights))?;
+    let ray_error = super::waves::flat_error(scene, &nodes)?;
+    let known = DesignCurve { leak, ray_error, ..DesignCurve::default() };
     if optics.has_heights() {
         let found = super::two_directions::uncertainty(engine, scene)?;
         let along_x = |of: super::PlanarUncertainty| ExpectedUncertainty {
@@ -183,10 +192,10 @@ pub(crate) fn design_curve(engine: &Engine, scene: &Scene) -> Result<DesignCurve
             refraction: of.refraction[0],
             dark_field: of.dark_field.map_or(f64::NAN, |dark| dark[0]),
         };
-        return Ok(DesignCurve { visibility: None, expected: found.map(along_x) });
+        return Ok(DesignCurve { expected: found.map(along_x), ..known });
     }
     if optics.sample_mask.is_none() || optics.detector_mask.is_none() {
-        return Ok(DesignCurve::default());
+        return Ok(known);
     }
     let mut sharp = scene.clone();
     if has_even_flat(scene) {
@@ -197,7 +206,7 @@ pub(crate) fn design_curve(engine: &Engine, scene: &Scene) -> Result<DesignCurve
         Some(counts) => expected(engine, scene, counts, &scanned)?,
         None => None,
     };
-    Ok(DesignCurve { visibility: Some(visibility(&light)), expected })
+    Ok(DesignCurve { visibility: Some(visibility(&light)), expected, ..known })
 }
 
 /// Light of masks without shifts at offsets, m, and of the masks as they are at the offsets of the scan, share of open

@@ -18,6 +18,15 @@ pub struct Outcome {
     pub photons: Option<f64>,
     /// Exposure of a frame, s.
     pub exposure: Option<f64>,
+    /// Visibility of the illumination curve; `None` where a mask is missing or apertures end along z.
+    #[serde(default)]
+    pub visibility: Option<f64>,
+    /// Mean light of the bars of the sample mask and of the detector mask, share of what falls on them.
+    #[serde(default)]
+    pub leak: Option<[f64; 2]>,
+    /// Greatest difference of the flat by waves and by rays with thin masks, over the peak; `None` where it is unknown.
+    #[serde(default)]
+    pub ray_error: Option<f64>,
     /// Why the scene of the design is refused, or a curve is not determined.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refused: Option<String>,
@@ -55,10 +64,7 @@ impl Outcome {
         cancel: &Cancel,
     ) -> Result<Self> {
         let Design { scene, scan } = design;
-        let curve = match scores.iter().any(Score::needs_curve) {
-            true => check::design_curve(engine, scene)?,
-            false => check::DesignCurve::default(),
-        };
+        let curve = check::design_curve(engine, scene)?;
         let images = light.map(|light| light.retrieve(engine, scene, cancel)).transpose()?;
         let mut refused = Vec::new();
         let mut values = Vec::new();
@@ -75,6 +81,9 @@ impl Outcome {
         }
         Ok(Self {
             values,
+            visibility: curve.visibility,
+            leak: Some(curve.leak),
+            ray_error: curve.ray_error,
             refused: (!refused.is_empty()).then(|| refused.join("; ")),
             photons: scan.as_ref().map(|scan| scan.photons),
             exposure: match scene.detector.counts.map(|counts| counts.photons) {

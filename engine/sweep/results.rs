@@ -5,6 +5,9 @@ use super::{Outcome, Sweep, VariedKey, best};
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+/// Error of a flat by rays over its peak, beyond which a sweep warns.
+const OFF: f64 = 0.03;
+
 /// A sweep whose designs have outcomes.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
@@ -40,6 +43,9 @@ struct DesignReport {
     /// Values of the varied keys without their units.
     values: Vec<String>,
     photons: Option<f64>,
+    visibility: Option<f64>,
+    leak: Option<[f64; 2]>,
+    ray_error: Option<f64>,
     exposure: Option<f64>,
     scores: BTreeMap<String, Option<f64>>,
     pareto: Option<bool>,
@@ -60,6 +66,35 @@ impl<'a> Results<'a> {
         self.sweep.sets(design, &self.outcomes[design])
     }
 
+    /// Doubts about the designs: those that rays do not describe, and ranges whose end is best.
+    #[must_use]
+    pub fn warnings(&self) -> Vec<String> {
+        let is_off = |outcome: &&Outcome| outcome.ray_error.is_some_and(|error| error > OFF);
+        let off = self.outcomes.iter().filter(is_off).count();
+        let mut warnings = Vec::new();
+        if off > 0 {
+            let best = self.best.and_then(|best| self.outcomes[best].ray_error);
+            let best = best.map_or_else(String::new, |error| {
+                format!(", of the best design {:.1} %", 100.0 * error)
+            });
+            warnings.push(format!(
+                "{off} of {} designs are outside ray optics: by waves their flats differ by more than {:.0} % of the \
+                 peak{best} (ray_error); sampling.transport = \"wave\" gives scores by waves",
+                self.outcomes.len(),
+                100.0 * OFF
+            ));
+        }
+        let designs = self.sweep.designs();
+        let ends = self.best.map(|best| designs.best_ends(best)).unwrap_or_default();
+        if !ends.is_empty() {
+            warnings.push(format!(
+                "the best design is at the end of the range of {}: a better one may lie beyond it",
+                ends.join(", ")
+            ));
+        }
+        warnings
+    }
+
     /// The results for programs.
     #[must_use]
     pub fn report(&self) -> SweepReport {
@@ -71,6 +106,9 @@ impl<'a> Results<'a> {
                 set: self.sets(design),
                 values: designs.values(design).into_iter().map(str::to_owned).collect(),
                 photons: outcome.photons,
+                visibility: outcome.visibility,
+                leak: outcome.leak,
+                ray_error: outcome.ray_error,
                 exposure: outcome.exposure,
                 scores: named.map(|(score, value)| (score.name(), *value)).collect(),
                 pareto: self.front.get(design).copied(),

@@ -111,6 +111,24 @@ impl Designs {
         keys.iter().enumerate().find_map(of_key).unwrap_or_else(by_rows)
     }
 
+    /// Keys of a range of three values or more of which a design has the least or the greatest.
+    pub(super) fn best_ends(&self, design: usize) -> Vec<String> {
+        let values = self.values(design);
+        let mut first = 0;
+        let mut found = Vec::new();
+        for axis in &self.axes {
+            let own = values.get(first).and_then(|value| number(value));
+            first += axis.keys.len();
+            let all: Option<Vec<f64>> = axis.rows.iter().map(|row| number(&row[0])).collect();
+            let (Some(own), Some(all), [key]) = (own, all, &axis.keys[..]) else { continue };
+            let is_within = all.iter().any(|it| *it < own) && all.iter().any(|it| *it > own);
+            if all.len() > 2 && !is_within {
+                found.push(key.path.clone());
+            }
+        }
+        found
+    }
+
     /// Values of a design without their units, in the order of the keys.
     #[must_use]
     pub fn values(&self, design: usize) -> Vec<&str> {

@@ -149,7 +149,8 @@ fn files_of_a_sweep_are_whole_and_the_same_after_a_resumption() {
     assert_eq!(
         table.lines().next().unwrap(),
         "design,sample_mask.projected_aperture [um],scan.mask_offsets.count,photons,sigma_alpha [nrad],visibility \
-         [%],dose [mGy],pareto,refused"
+         [%],dose [mGy],leak of sample_mask [%],leak of detector_mask [%],ray_error of thin masks in closed form [% of \
+         peak],pareto,refused"
     );
     assert_eq!(lines.len(), 7);
     let number = |line: usize, cell: usize| lines[line][cell].parse::<f64>().unwrap();

@@ -4,8 +4,15 @@ use beamlet::cli_support::printed::{number, with_unit};
 use beamlet::sweep::{Results, Score};
 use std::fmt::Write as _;
 
-/// A design a line: number from 1, varied keys, photons and exposure of a frame, scores, 1 on the Pareto front, and the
-/// reason of a refusal.
+/// Columns of leaks and of the error of rays.
+const LIMITS: [&str; 3] = [
+    "leak of sample_mask [%]",
+    "leak of detector_mask [%]",
+    "ray_error of thin masks in closed form [% of peak]",
+];
+
+/// A design a line: number from 1, varied keys, photons and exposure of a frame, scores, visibility, leaks, error of rays, 1
+/// on the Pareto front, and the reason of a refusal.
 pub(super) fn csv(done: &Results<'_>) -> String {
     let scores = done.sweep.scores();
     let derived = !scores.contains(&Score::Photons);
@@ -15,6 +22,9 @@ pub(super) fn csv(done: &Results<'_>) -> String {
     header.extend(derived.then(|| "photons".into()));
     header.extend(has_exposure.then(|| "exposure [s]".into()));
     header.extend(scores.iter().map(|score| with_unit(&score.name(), score.unit())));
+    let has_visibility = scores.contains(&Score::Visibility);
+    header.extend((!has_visibility).then(|| "visibility [%]".into()));
+    header.extend(LIMITS.map(str::to_owned));
     header.extend((!done.front.is_empty()).then(|| "pareto".into()));
     header.push("refused".into());
     let mut out = line(&header);
@@ -26,6 +36,10 @@ pub(super) fn csv(done: &Results<'_>) -> String {
         cells.extend(has_exposure.then(|| text(outcome.exposure)));
         let values = scores.iter().zip(&outcome.values);
         cells.extend(values.map(|(score, value)| text(value.map(|value| score.in_unit(value)))));
+        let percent = |value: Option<f64>| text(value.map(|value| 100.0 * value));
+        cells.extend((!has_visibility).then(|| percent(outcome.visibility)));
+        cells.extend([0, 1].map(|mask| percent(outcome.leak.map(|leak| leak[mask]))));
+        cells.push(percent(outcome.ray_error));
         cells.extend(done.front.get(design).map(|on_front| u8::from(*on_front).to_string()));
         cells.push(outcome.refused.clone().unwrap_or_default());
         out += &line(&cells);

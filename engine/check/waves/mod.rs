@@ -208,6 +208,19 @@ impl<'a> SetUp<'a> {
     }
 }
 
+/// Greatest difference of a flat by waves and by rays with thin masks over the peak; `None` where it is unknown.
+///
+/// # Errors
+/// Errors of the materials of masks and beam.
+pub(crate) fn flat_error(scene: &Scene, nodes: &Nodes) -> Result<Option<f64>> {
+    let set_up = SetUp::of(scene, nodes)?;
+    if set_up.unknown_light().is_some() {
+        return Ok(None);
+    }
+    let error = FlatError::of(&set_up.pixels, &set_up.nodes, &set_up.offsets);
+    Ok(error.map(|error| error.relative()))
+}
+
 impl RayLimits {
     /// Limits of ray optics for a scene and its sample.
     ///
