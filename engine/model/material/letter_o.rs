@@ -69,7 +69,9 @@ fn zero(number: &str, before: &[char], behind: &[char]) -> Option<usize> {
     }
     let start = before.iter().rposition(char::is_ascii_uppercase)?;
     let symbol: String = before[start..].iter().collect();
-    let is_alone = start.checked_sub(1).is_none_or(|last| !before[last].is_alphanumeric())
+    // Behind a separator a part may have a number: the 5 of `CuSO4*5H20`.
+    let part = before[..start].iter().rev().find(|letter| !letter.is_ascii_digit());
+    let is_alone = part.is_none_or(|last| !last.is_alphanumeric() && *last != ')')
         && behind.first().is_none_or(|next| !next.is_alphanumeric() && *next != '(');
     let is_oxide = is_alone && count == "2" && PAIRED.contains(&symbol.as_str());
     let is_alcohol = symbol == "H" && behind.first() == Some(&'H');
