@@ -55,7 +55,7 @@ pub(super) fn joined(text: &str) -> String {
     text.chars().filter(|c| !matches!(c, '-' | ' ')).collect()
 }
 
-fn is_metal(symbol: &str) -> bool {
+pub(super) fn is_metal(symbol: &str) -> bool {
     BASES.contains(&symbol) || ALLOYED.contains(&symbol)
 }
 

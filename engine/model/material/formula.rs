@@ -137,7 +137,8 @@ pub(super) fn other_ways(formula: &str, density: Option<f64>) -> Option<String> 
         let numbers = if letter.has_numbers { format!("; {counts}") } else { String::new() };
         return Some(format!("\"{}\" with the letter O{numbers}", letter.meant));
     }
-    if let Some(meaning) = grade::meant(formula, density) {
+    let reads = || matches!(check(&designation::joined(formula)), Ok(Ok(())));
+    if let Some(meaning) = grade::meant(formula, density).filter(|_| reads()) {
         return Some(format!(
             "a name ({meaning}): its formula, or shares by weight such as \"Al6wt%V4wt%Ti\"; {counts}"
         ));

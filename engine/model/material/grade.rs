@@ -1,6 +1,6 @@
 //! Names of grades, glasses and other materials that are formulas of unlike elements, such as `SS304` and `ITO`.
 
-use super::designation::{Element, elements, joined};
+use super::designation::{Element, elements, is_metal, joined};
 
 /// Molecules and clusters of one element.
 const MOLECULES: [&str; 27] = [
@@ -21,9 +21,18 @@ const FLINTS: [(&str, &[&str]); 7] = [
     ("BaS", &[]),
     ("LaS", &[]),
 ];
+/// Compounds of two metals, an atom of each.
+const PAIRS: [&str; 60] = [
+    "AgCd", "AgMg", "AgZn", "AlCo", "AlFe", "AlLi", "AlMn", "AlNi", "AlSb", "AlTi", "AuCd", "AuCu",
+    "AuMg", "AuSn", "AuZn", "BiMn", "CoAl", "CoFe", "CoPt", "CoSb", "CoSi", "CoTi", "CrSi", "CuAu",
+    "CuPd", "CuPt", "CuTi", "CuZn", "CuZr", "FeAl", "FeCo", "FePd", "FePt", "FeRh", "FeSi", "FeTi",
+    "GaSb", "HfSi", "InBi", "InSb", "IrMn", "LiAl", "MnAl", "MnBi", "MnNi", "MnSi", "NiAl", "NiMn",
+    "NiSb", "NiSi", "NiTi", "NiZr", "PdIn", "PtMn", "PtSi", "SiGe", "TiAl", "TiNi", "VSi", "ZrSi",
+];
 /// Names in use that have the symbols of elements alone, and what they mean.
-const NAMES: [(&str, &str); 42] = [
+const NAMES: [(&str, &str); 43] = [
     ("SS", "stainless steel"),
+    ("FeC", "steel"),
     ("HSS", "high-speed steel"),
     ("OFHC", "copper, Cu"),
     ("HBN", "hexagonal boron nitride, BN"),
@@ -81,7 +90,9 @@ pub(super) fn meant(text: &str, density: Option<f64>) -> Option<String> {
     let is_steel = text.strip_prefix("SUS").is_some_and(|rest| rest.parse::<u32>().is_ok());
     let is_copper =
         matches!(&elements[..], [("C", None), ("W" | "C", Some(number)), ..] if number.len() == 3);
+    let is_pair = matches!(&elements[..], [(a, None), (b, None)] if is_metal(a) && is_metal(b));
     match () {
+        () if is_pair && !PAIRS.contains(&text.as_str()) => Some("an alloy".to_owned()),
         () if is_steel => Some("a grade of stainless steel".to_owned()),
         () if is_copper => Some("a grade of copper".to_owned()),
         () if is_glass(&text, &elements) => Some("an optical glass".to_owned()),
@@ -117,12 +128,12 @@ mod tests {
     #[test]
     fn names_are_known_from_formulas() {
         for text in "SS304 SS Al7075 Al-1050 In718 Ti6242 C45 S235 S30400 H13 O1 W1 P20 Co60 C17200 SUS304 CW614N CC483K \
-            BK7 N-BK7 SK16 FK51 BaK4 LaK8 SF11 N-SF57 BaF10 LaF2 KF9 LaSF9 ITO PVDF PI COC YBCO"
+            BK7 N-BK7 SK16 FK51 BaK4 LaK8 SF11 N-SF57 NiCr CuSn AlSi FeNi PbSn WCu FeC BaF10 LaF2 KF9 LaSF9 ITO PVDF PI COC YBCO"
             .split_whitespace()
         {
             assert!(meant(text, None).is_some(), "{text}");
         }
-        for text in "O3 S8 P4 C60 N2 D2 Fe KF SF6 BaF2 LaF3 LaSF KCl MgK2O K2O NaCl HF H2O CO CuSn6 Al2O3 BN SiC KOH PCl5"
+        for text in "O3 S8 P4 C60 N2 D2 Fe KF SF6 BaF2 LaF3 LaSF KCl NiTi TiAl CuZn InSb FeCo SiGe MgK2O K2O NaCl HF H2O CO CuSn6 Al2O3 BN SiC KOH PCl5"
             .split_whitespace()
         {
             assert_eq!(meant(text, None), None, "{text}");
