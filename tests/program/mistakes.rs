@@ -172,7 +172,7 @@ fn a_retrieval_records_hashes_of_all_that_it_read() {
 }
 
 #[test]
-fn shipped_examples_have_no_warnings_but_of_the_limits_of_rays() {
+fn shipped_examples_have_no_warnings_but_of_views_rims_and_rays() {
     let place = workplace(SCENE);
     for name in ["cylinder", "bracket", "cylinders", "tomography", "ucl-wire", "lab", "synchrotron"]
     {
@@ -183,7 +183,11 @@ fn shipped_examples_have_no_warnings_but_of_the_limits_of_rays() {
         let warnings: Vec<&str> = text.lines().filter(|line| line.contains("warning")).collect();
         match name {
             "tomography" => {
-                let [rim, warning] = warnings[..] else { panic!("{name}: {text}") };
+                let [views, rim, warning] = warnings[..] else { panic!("{name}: {text}") };
+                assert!(
+                    views.contains("have 180 views over half a turn; a sample of 198"),
+                    "{views}"
+                );
                 assert!(rim.starts_with("warning: \"matrix\" is round about the axis"), "{rim}");
                 assert!(
                     warning.starts_with("warning: \"fibres\" is outside ray optics"),

@@ -203,13 +203,14 @@ fn scores_at_a_sample_are_in_table_and_pictures() {
     done(here, &format!("{line} --score cnr:rod,bias_alpha"));
     let table = fs::read_to_string(here.join("out/sweep.csv")).unwrap();
     let lines: Vec<Vec<&str>> = table.lines().map(|line| line.split(',').collect()).collect();
-    assert_eq!(lines[0][4..], ["cnr:rod", "bias_alpha [nrad]", "pareto", "refused"]);
+    assert_eq!(lines[0][4..7], ["cnr:rod", "bias_alpha [nrad]", "visibility [%]"]);
+    assert_eq!(lines[0][10..], ["pareto", "refused"]);
     let number = |line: usize, cell: usize| lines[line][cell].parse::<f64>().unwrap();
     assert!((number(3, 4) / number(1, 4) - 2.0).abs() < 1e-3, "{table}");
     for line in [2, 4] {
         assert_eq!(lines[line][4..6], ["", ""]);
         assert!(
-            lines[line][7].contains("cnr:rod: less than half of the light of each pixel"),
+            lines[line][11].contains("cnr:rod: less than half of the light of each pixel"),
             "{table}"
         );
     }
