@@ -13,6 +13,15 @@ pub fn is_unsafe(c: char) -> bool {
             | '\u{2066}'..='\u{2069}' | '\u{feff}')
 }
 
+/// A number of things: "1 view", "3 views".
+#[must_use]
+pub fn counted(count: usize, thing: &str) -> String {
+    match count {
+        1 => format!("1 {thing}"),
+        count => format!("{count} {thing}s"),
+    }
+}
+
 /// A text on one line: unsafe characters as `\u001b`, which JSON strings take too.
 #[must_use]
 pub fn line(text: &str) -> String {

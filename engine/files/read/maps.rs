@@ -3,6 +3,7 @@
 use super::stack_file::StackFile;
 use crate::inputs::refuse_changed;
 use crate::layout::{self, RECORD};
+use beamlet_core::printed::counted;
 use beamlet_core::{Error, Result, folder};
 use ndarray::Array2;
 use std::collections::BTreeMap;
@@ -100,7 +101,10 @@ impl Maps {
         };
         let views = self.views();
         if view >= views {
-            let problem = format!("has {views} views; view {view} was requested, counted from 0");
+            let problem = format!(
+                "has {}; view {view} was requested, counted from 0",
+                counted(views, "view")
+            );
             return Err(Error::file(map.path(), problem, None));
         }
         map.only_frame(view.min(map.shape()[1] - 1))

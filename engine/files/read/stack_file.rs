@@ -4,6 +4,7 @@ use super::checksums::Checksums;
 use super::folder::{self, FolderFrames};
 use super::frame_order::FrameOrder;
 use beamlet_core::array_file::{ArrayFile, Format, Value, endings, refuse_wide};
+use beamlet_core::printed::counted;
 use beamlet_core::{Error, Result, folder as folder_names, numbers, reserve};
 use ndarray::{Array, Array2, Array3, ArrayView, Axis, Dimension, s};
 use rayon::prelude::*;
@@ -224,7 +225,12 @@ impl StackFile {
             }
         }
         if views > 1 || steps == 0 || found % steps != 0 {
-            let problem = format!("has {views} views of {found} steps; expected {steps} steps");
+            let problem = format!(
+                "has {} of {}; expected {}",
+                counted(views, "view"),
+                counted(found, "step"),
+                counted(steps, "step")
+            );
             return Err(Error::file(self.path, problem, None));
         }
         self.shape[0] = found / steps;
@@ -311,7 +317,10 @@ impl StackFile {
     pub fn rows(&self, view: usize, rows: Range<u32>) -> Result<Array3<f32>> {
         let [views, steps, ..] = self.shape;
         if view >= views {
-            let problem = format!("has {views} views; view {view} was requested, counted from 0");
+            let problem = format!(
+                "has {}; view {view} was requested, counted from 0",
+                counted(views, "view")
+            );
             return Err(Error::file(&self.path, problem, None));
         }
         if steps > 0

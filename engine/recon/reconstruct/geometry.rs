@@ -1,5 +1,6 @@
 //! The geometry of a scan.
 
+use beamlet_core::printed::counted;
 use beamlet_core::{Error, Result};
 use beamlet_model::optics::ViewGeometry;
 use beamlet_model::scene::{Motion, Scene};
@@ -131,15 +132,16 @@ impl ScanGeometry {
             return wrong("rows", found, "one or more finite places, descending and even");
         }
         if self.angles.len() < 3 || !is_finite(&self.angles) {
-            let found = match self.angles.len() {
-                1 => "1 view".to_owned(),
-                count => format!("{count} views"),
-            };
+            let found = counted(self.angles.len(), "view");
             let allowed = "three or more views at finite angles: a scan (scan.angles)";
             return wrong("angles", found, allowed);
         }
         if let Some(motions) = self.motions.as_ref().filter(|m| m.len() != self.angles.len()) {
-            let found = format!("{} motions for {} views", motions.len(), self.angles.len());
+            let found = format!(
+                "{} for {}",
+                counted(motions.len(), "motion"),
+                counted(self.angles.len(), "view")
+            );
             return wrong("motions", found, "one for each view");
         }
         Ok(())

@@ -46,6 +46,13 @@ impl Input {
                 return Err(Error::file(path, layout::problem_of(path, &lacks, &lacks), None));
             }
             let maps = Maps::open(path)?;
+            if !path.join(GEOMETRY).exists() {
+                let problem = format!(
+                    "has no {GEOMETRY}: the scene of the images has no angle for each view; list the angles in \
+                     scan.angles and retrieve again"
+                );
+                return Err(Error::file(path, problem, None));
+            }
             let file = GeometryFile::read(path)?;
             file.refuse_other_images(path, maps.sides())?;
             Ok((path.clone(), maps, file))

@@ -2,6 +2,7 @@
 
 use super::geometry::{ScanGeometry, same_shape};
 use beamlet_core::numbers::single;
+use beamlet_core::printed::counted;
 use beamlet_core::{Cancel, Error, Result, parallel};
 use ndarray::{ArrayView3, ArrayViewMut3};
 use rayon::prelude::*;
@@ -32,7 +33,7 @@ pub fn suppress_rings(
     same_shape("sinograms", sinograms.dim(), geometry.dim())?;
     let (views, rows, columns) = geometry.dim();
     if views < LEAST_VIEWS || columns < FOURTH.len() {
-        let found = format!("{views} views of {columns} columns");
+        let found = format!("{} of {}", counted(views, "view"), counted(columns, "column"));
         let allowed = format!("{LEAST_VIEWS} views or more, of {} columns", FOURTH.len());
         return Err(Error::argument("sinograms", found, allowed));
     }

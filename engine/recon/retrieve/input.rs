@@ -15,6 +15,7 @@ mod times;
 use super::Method;
 use beamlet_core::array_file::Format;
 use beamlet_core::cancel::Aside;
+use beamlet_core::printed::counted;
 use beamlet_core::{Error, Result};
 use beamlet_files::layout::GEOMETRY;
 use beamlet_files::{FrameOrder, InputHashes, StackFile};
@@ -235,7 +236,10 @@ impl Input {
         let has = angles == views || self.is_run;
         if !has {
             log::warn!(
-                "{views} views, and {angles} angles in scan.angles: the images have no {GEOMETRY}"
+                "{}, and {} in scan.angles: the images have no {GEOMETRY}, which `reconstruct` needs; list the angle \
+                 of each view",
+                counted(views, "view"),
+                counted(angles, "angle")
             );
         }
         has
