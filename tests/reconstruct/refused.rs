@@ -60,7 +60,7 @@ fn estimates_of_scans_that_cannot_be_are_refused() {
     };
     refused(&changed(|it| it.columns.clear()), good, "0 columns");
     refused(&changed(|it| it.rows.clear()), good, "0 rows");
-    refused(&changed(|it| it.angles.truncate(1)), good, "1 views");
+    refused(&changed(|it| it.angles.truncate(1)), good, "1 view");
     refused(&fan(180), grid([0, 8, 1]), "one voxel or more");
 }
 

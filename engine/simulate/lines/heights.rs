@@ -71,6 +71,8 @@ pub(crate) struct Limits {
     pub least: f64,
     /// Height whose light may be lost, rows.
     pub thin: f64,
+    /// Distance of a line from a critical height, rows: rays of f32 at the height itself meet the surface by chance.
+    pub beside: f64,
 }
 
 /// Windows along z whose light is not the integral of light that is linear between two lines.
@@ -182,6 +184,7 @@ impl<L: Judged + Clone> Heights<L> {
         let is_within = |z: &f64| *z > limits.least && *z < 1.0 - limits.least;
         let mut critical =
             [features.critical.as_slice(), &ends, &strongest(&features.creases, limits)].concat();
+        critical.iter_mut().for_each(|z| *z += limits.beside);
         critical.retain(|z| is_within(z) && is_apart(z));
         critical.sort_unstable_by(f64::total_cmp);
         let near = (NEAR * limits.thin).max(limits.least);

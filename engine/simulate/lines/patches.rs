@@ -151,6 +151,7 @@ impl<'a> LineSampler<'a> {
             reach: REACH * view.lattice.row_blur(),
             uneven: uneven(view),
             least: LEAST,
+            beside: 0.0,
         };
         let columns =
             numbers::narrow::<usize>(view.lattice.beamlets.end - view.lattice.beamlets.start);

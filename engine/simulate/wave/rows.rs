@@ -71,6 +71,7 @@ impl WaveBand {
             uneven: Uneven::Never,
             least: LEAST_OF_RAYS,
             thin: BY_HEIGHTS * view.tolerance,
+            beside: LEAST_OF_RAYS,
         };
         let mut tally = Tally::default();
         let mut cells = vec![CellBatch::default(); self.lines.plan.energies as usize];

@@ -139,7 +139,7 @@ fn crowd(directory: &std::path::Path) -> Scene {
     let beads = scene.objects.last_mut().expect("beads");
     beads.instances = Some(Instances::File(directory.join("beads.csv")));
     scene.scan.angles = amount(vec![1.5], vec![0.0, 1.5]);
-    scene.sampling.tolerance = Some(2e-3);
+    scene.sampling.tolerance = Some(5e-4);
     scene
 }
 

@@ -56,6 +56,7 @@ pub(super) fn compare_with(
     // Light of a row is the mean of its lines without a blur along z.
     blur_along_z(&mut scene, 0.0);
     scene.scan.mask_offsets = EVEN.to_vec();
+    scene.sampling.tolerance = Some(2.5e-5);
     let stacks = simulate(&scene, Backend::Bvh);
     let mut set_up = REFERENCE.set_up();
     set_up.sample = 1.2003;

@@ -18,6 +18,7 @@ const LIMITS: Limits = Limits {
     uneven: Uneven::Never,
     least: LEAST_OF_RAYS,
     thin: 1e-4,
+    beside: 0.0,
 };
 
 impl Judged for Vec<f32> {
