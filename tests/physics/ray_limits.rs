@@ -192,7 +192,10 @@ fn warnings_name_waves_where_they_compute_the_scene() {
     let mut scene = scene_of(&SMALL_SPOT, &OFFSETS, fibres);
     let report = checked(&scene);
     let warnings = outside(&report);
-    assert!(report.ray_limits.waves == WaveTransport::Possible && warnings.len() == 1, "{warnings:?}");
+    assert!(
+        report.ray_limits.waves == WaveTransport::Possible && warnings.len() == 1,
+        "{warnings:?}"
+    );
     let key = "; sampling.transport = \"wave\" computes it";
     assert!(warnings.iter().all(|text| text.ends_with(key)), "{warnings:?}");
     scene.sampling.transport = Transport::Wave;

@@ -165,7 +165,7 @@ fn exchanged_steps_are_named() {
 fn doses_and_displacements_without_a_fringe_are_left_empty() {
     let scene = scene(1.8);
     let doses = [0.984, 0.958, 0.976, 0.947, 0.958, 0.969, 1.001, 0.990];
-    let moved = [0.16, 0.247, 0.642, 0.475, 0.722, 0.451, 0.318, 0.401];
+    let moved = [0.16, 0.247, 0.642, 0.475, 0.722, 0.451, 0.319, 0.401];
     let mut sample = photons(&[[1.0, 0.0]], 2);
     for (step, (dose, moved)) in doses.into_iter().zip(moved).enumerate() {
         let displaced = photons_at(&[[1.0, 0.0]], 10 + step as u64, moved);

@@ -1,6 +1,13 @@
 //! Parts as CAD has them, from thinner than a line is likely to meet to several rows, against the light of the same
 //! bodies in f64 by panels between the images of all corners.
 
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::float_cmp,
+    reason = "counts of corners are small, and shares are compared with the 1 that they were set to"
+)]
+
 mod exact;
 mod makers;
 mod scenes;

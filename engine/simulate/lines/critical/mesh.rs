@@ -245,7 +245,7 @@ fn slope(corners: [ImagePoint; 3]) -> f64 {
 /// True if a facet is of little height over its depth.
 pub(super) fn is_steep(corners: [ImagePoint; 3], rows_per_metre: f64) -> bool {
     let [by_depth, by_row] = normal(corners);
-    by_row != 0.0 && by_depth.abs() <= STEEP * rows_per_metre * by_row.abs()
+    by_row.abs() > 0.0 && by_depth.abs() <= STEEP * rows_per_metre * by_row.abs()
 }
 
 fn span(values: [f64; 3]) -> [f64; 2] {

@@ -2,6 +2,7 @@
 
 use crate::lines::critical::Change;
 use crate::sampling::ProjectedBounds;
+use beamlet_core::numbers;
 
 /// Most height of a jump, rows: light over a higher one is linear, or halved as any other.
 const FLAT: f64 = 1.0 / 32.0;
@@ -57,7 +58,7 @@ impl Features {
 
     /// Adds creases in one bin of the row.
     pub(crate) fn join_creases(&mut self) {
-        let bin = |it: &Crease| (it.z * BINS as f64).floor();
+        let bin = |it: &Crease| numbers::whole::<i64>((it.z * BINS as f64).floor());
         self.creases.sort_by(|a, b| a.z.total_cmp(&b.z).then(a.weight.total_cmp(&b.weight)));
         let bins = self.creases.chunk_by(|a, b| bin(a) == bin(b));
         let sum = |of: &[Crease]| {
