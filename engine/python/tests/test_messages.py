@@ -25,8 +25,9 @@ def test_options_in_messages_of_the_engine_are_arguments() -> None:
         functions += [member for _, member in inspect.getmembers(kind, inspect.isfunction)]
     callables = [function for function in functions if callable(function)]
     arguments = set().union(*(inspect.signature(function).parameters for function in callables))
-    # Parts of a run, resumption against advice, lines of scene files and sweeps are no work of the package.
-    others = {"views", "set", "allow-mixed", "vary", "score", "fix", "resume", "overwrite"}
+    # Parts of a run, resumption against advice, lines of scene files and sweeps are no work of the package; arrays in
+    # another order have axes to exchange.
+    others = {"views", "set", "allow-mixed", "vary", "score", "fix", "resume", "overwrite", "frame-order"}
     named: dict[str, str] = {}
     for path in sorted(ENGINE.rglob("*.rs")):
         if "python" in path.parts:
