@@ -91,11 +91,7 @@ fn measured_frames_have_a_geometry_where_each_has_an_angle() {
         let message = stderr(&done);
         assert!(done.status.success(), "{message}");
         assert_eq!(work.path("images/geometry.json").exists(), is_there, "{message}");
-        assert_eq!(
-            message.contains("3 views, and 1 angle in scan.angles"),
-            !is_there,
-            "{message}"
-        );
+        assert_eq!(message.contains("3 views, and 1 angle in scan.angles"), !is_there, "{message}");
     }
 }
 

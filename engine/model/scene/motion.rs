@@ -155,6 +155,12 @@ impl Motion {
         self.rotation * point + self.translation
     }
 
+    /// The rotation.
+    #[doc(hidden)]
+    pub const fn rotation(&self) -> DMat3 {
+        self.rotation
+    }
+
     /// The directions that go to +x, +y and +z.
     #[doc(hidden)]
     pub fn rows(&self) -> [DVec3; 3] {

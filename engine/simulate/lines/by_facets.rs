@@ -40,9 +40,8 @@ pub(super) struct FacetCuts<'a> {
 
 impl<'a> FacetCuts<'a> {
     pub(super) fn new(view: &'a ViewContext<'a>) -> Self {
-        let [x, y, z] = view.motion.rows();
         let source = DVec3::new(0.0, -view.optics.rotation, 0.0);
-        Self { view, source, rotation: DMat3::from_cols(x, y, z).transpose() }
+        Self { view, source, rotation: view.motion.rotation() }
     }
 
     /// Facets that the plane of the lines at a row coordinate cuts, over some beamlets, and the exact shapes that it

@@ -9,14 +9,15 @@
 mod draws;
 mod estimate;
 mod features;
+mod first;
 mod moved;
 
 use super::window_light::Values;
-use beamlet_core::random::GOLDEN;
 pub(crate) use draws::Draws;
 use estimate::Estimate;
+use features::Crease;
 pub(crate) use features::Features;
-use features::{Crease, Jumps};
+use first::FirstHeights;
 pub(crate) use moved::Moved;
 
 /// Part of the squared limit of errors that intervals which stay whole may have: where a few jumps have most of the
@@ -25,15 +26,6 @@ const WHOLE: f64 = 0.3;
 /// [`Limits::least`] of lines of rays: above the rounding of rays 1,000 rows off the axis (6e-5), and a jump that is missed
 /// errs by less than 2e-4 of it (`jumps_at_known_heights_take_two_lines`).
 pub(crate) const LEAST_OF_RAYS: f64 = 1.0 / 4096.0;
-/// Most lines of a row before its first light. Heights that are left out count in the estimate (`Heights::left`).
-const MOST_FIRST: usize = 256;
-/// Critical heights are one that are nearer to one another than this part of the height whose light may be lost.
-const NEAR: f64 = 0.25;
-/// Change of the slope of light at a crease that has a line of its own, limits of the error per row.
-const STRONG: f64 = 60.0;
-/// Most creases of a row with lines of their own: where light bends everywhere, lines show it.
-const MOST_CREASES: usize = 12;
-
 /// Light of a line, as heights are judged by it.
 pub(crate) trait Judged {
     fn judged(&self) -> JudgedLight<'_>;
@@ -128,34 +120,6 @@ pub(crate) struct Heights<L> {
     left: Vec<f64>,
 }
 
-/// Heights of the strongest creases.
-fn strongest(creases: &[Crease], limits: Limits) -> Vec<f64> {
-    let mut strong: Vec<&Crease> =
-        creases.iter().filter(|it| it.weight > STRONG * limits.error).collect();
-    strong.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.z.total_cmp(&b.z)));
-    strong.into_iter().take(MOST_CREASES).map(|it| it.z).collect()
-}
-
-/// Puts at most `most` heights in the place of more, each anywhere in a stratum of as many: heights at which light changes
-/// would not stand for those between. The heights that are left out.
-fn stratify(heights: &mut Vec<f64>, most: usize) -> Vec<f64> {
-    let count = heights.len();
-    if count <= most {
-        return Vec::new();
-    }
-    let border = |stratum: usize| match stratum * count / most.max(1) {
-        0 => 0.0,
-        at if at >= count => 1.0,
-        at => f64::midpoint(heights[at - 1], heights[at]),
-    };
-    let place = |stratum: usize| {
-        let share = (GOLDEN * stratum as f64 + 0.5).fract();
-        border(stratum) + (border(stratum + 1) - border(stratum)) * share
-    };
-    let own = (0..most).map(place).collect();
-    std::mem::replace(heights, own)
-}
-
 impl<L> Placed<L> {
     /// A line without its light.
     const fn new(z: f64) -> Self {
@@ -166,44 +130,11 @@ impl<L> Placed<L> {
 impl<L: Judged + Clone> Heights<L> {
     /// Lines of a row without their light; within their number, but for the three that an estimate needs.
     pub(crate) fn new(features: &Features, limits: Limits) -> Self {
-        let of_lines = |lines: Vec<Placed<L>>, left: Vec<f64>| {
-            let (rough, creases) = (features.rough, features.creases.clone());
-            Self { lines, limits, rough, is_random: false, light_alone: false, creases, left }
-        };
-        if !features.varies {
-            return of_lines(vec![Placed::new(0.5)], Vec::new());
-        }
-        let Jumps { mut pairs, ends } = Jumps::new(&features.jumps, limits.least, limits.thin);
-        // Lines in the middle are as many again.
-        let most = (MOST_FIRST.min(limits.lines) / 2).max(2) - 2;
-        let mut left: Vec<f64> = Vec::new();
-        if 2 * pairs.len() > most {
-            left.extend(pairs.drain(most / 2..).flatten());
-        }
-        let is_apart = |z: &f64| pairs.iter().all(|[low, high]| z <= low || z >= high);
-        let is_within = |z: &f64| *z > limits.least && *z < 1.0 - limits.least;
-        let mut critical =
-            [features.critical.as_slice(), &ends, &strongest(&features.creases, limits)].concat();
-        critical.iter_mut().for_each(|z| *z += limits.beside);
-        critical.retain(|z| is_within(z) && is_apart(z));
-        critical.sort_unstable_by(f64::total_cmp);
-        let near = (NEAR * limits.thin).max(limits.least);
-        critical.dedup_by(|a, b| *a - *b < near);
-        left.extend(stratify(&mut critical, most.saturating_sub(2 * pairs.len())));
-        left.sort_unstable_by(f64::total_cmp);
-        let jumps_at = |z: f64| pairs.iter().any(|it| it[0].to_bits() == z.to_bits());
-        let borders = [0.0, 1.0].into_iter().filter(is_apart);
-        let mut heights: Vec<f64> = borders.chain(critical).collect();
-        heights.extend(pairs.iter().flatten().filter(|z| (0.0..=1.0).contains(*z)));
-        heights.sort_unstable_by(f64::total_cmp);
-        heights.dedup_by(|a, b| *a - *b < 0.5 * limits.least);
-        let is_open =
-            |it: &&[f64]| !jumps_at(it[0]) && it[1] - it[0] > near.max(4.0 * limits.least);
-        let between = heights.windows(2).filter(is_open).map(|it| f64::midpoint(it[0], it[1]));
-        heights.extend(between.collect::<Vec<f64>>());
-        heights.sort_unstable_by(f64::total_cmp);
-        let place = |z: f64| Placed { jumps: jumps_at(z), ..Placed::new(z) };
-        of_lines(heights.into_iter().map(place).collect(), left)
+        let first = FirstHeights::new(features, limits);
+        let place = |z: &f64| Placed { jumps: first.jumps_at(*z), ..Placed::new(*z) };
+        let lines = first.heights.iter().map(place).collect();
+        let (rough, creases, left) = (features.rough, features.creases.clone(), first.left);
+        Self { lines, limits, rough, is_random: false, light_alone: false, creases, left }
     }
 
     /// Heights of lines without light, rows below the upper border.

@@ -2,7 +2,7 @@
 //!
 //! Files in the order of the data flow, with the tests that notice them:
 //! - `patch_places`: patches on which shadows fall (`tests/sampling/traps.rs`).
-//! - `critical`: heights at which surfaces end, jump or bend light there (`tests/sampling/parts.rs`).
+//! - `critical`: heights at which surfaces end, jump or bend light there (`tests/metamorphic/parts/`).
 //! - `by_facets`, `by_shapes`: surfaces that the plane of a line cuts (`tests/sampling/truth/`, `rims.rs`).
 //! - `sections`: pieces of a line between the ends of these surfaces (`tilted_faces.rs`, `level_faces.rs`).
 //! - `line`, `window_light`, `light`: a line, and its light by the windows that it reaches (`estimated.rs`);

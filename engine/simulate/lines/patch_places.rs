@@ -4,6 +4,7 @@ use super::critical::SampleImage;
 use super::even::Bodies;
 use super::heights::Features;
 use crate::sampling::{PatchGrid, ProjectedBounds, ViewContext};
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 /// Most bodies of a patch of lines: among more, rays are tried that are spread evenly.
@@ -45,8 +46,8 @@ impl PatchPlaces {
                 }
             }
         }
-        let is_crowded = |it: &Option<Touched>| it.as_ref().is_none_or(Touched::is_crowded);
-        let of_few: Vec<bool> = places.touched.iter().map(|it| !is_crowded(it)).collect();
+        let has_few = |it: &Option<Touched>| it.as_ref().is_some_and(|it| !it.is_crowded());
+        let of_few: Vec<bool> = places.touched.iter().map(has_few).collect();
         for (at, features) in places.features(view, &of_few) {
             places.touched[at].get_or_insert_default().features = features;
         }
@@ -67,13 +68,11 @@ impl PatchPlaces {
         let at = |(beamlet, row): &(i64, i64)| self.grid.index(*beamlet, *row);
         let mut is_chosen = vec![false; self.touched.len()];
         patches.iter().filter_map(at).for_each(|at| is_chosen[at] = true);
-        let mut found: Vec<Option<Features>> = vec![None; self.touched.len()];
-        for (at, features) in self.features(view, &is_chosen) {
-            found[at] = Some(features);
-        }
+        let mut found: BTreeMap<usize, Features> =
+            self.features(view, &is_chosen).into_iter().collect();
         patches
             .iter()
-            .map(|place| at(place).and_then(|at| found[at].take()).unwrap_or_default())
+            .map(|place| at(place).and_then(|at| found.remove(&at)).unwrap_or_default())
             .collect()
     }
 

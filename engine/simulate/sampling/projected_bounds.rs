@@ -14,9 +14,9 @@ pub(crate) struct ProjectedBounds {
     pub x: [f64; 2],
     /// Row coordinates, downwards.
     pub rows: [f64; 2],
-    /// Cells wider than this may step over the component, m in the cell plane.
+    /// Half of its mean chord along x, m in the cell plane: cells that are wider may step over it.
     pub width: f64,
-    /// Cell rows higher than this may step over it, rows.
+    /// Half of its mean chord along z, rows.
     pub height: f64,
     /// Row coordinates of its surfaces that are not upright: light thrown out of its row comes from
     /// there.

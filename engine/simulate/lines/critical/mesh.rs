@@ -1,6 +1,7 @@
 //! Corners, crossings, steep facets and creases of a mesh in the image from the source.
 
-use super::{Change, ImagePoint, PatchChange, Patches, SampleImage};
+use super::{Change, Collector, ImagePoint, PatchChange, Patches};
+use beamlet_model::optics::ends;
 use rayon::prelude::*;
 use std::sync::atomic::{AtomicU32, Ordering};
 
@@ -43,25 +44,24 @@ impl MeshImage<'_> {
     /// Changes of light by the facets of which `mu` is known, 1/m.
     pub(super) fn changes(
         &self,
-        of: &SampleImage<'_>,
-        mu: &(impl Fn(usize) -> Option<f64> + Sync),
         patches: &Patches<'_>,
+        mu: &(impl Fn(usize) -> Option<f64> + Sync),
     ) -> Vec<PatchChange> {
-        let mut all = self.corners(of, mu, patches);
-        let parts =
-            (0..self.triangles.len()).into_par_iter().step_by(FACETS).flat_map_iter(|first| {
-                let mut own = Vec::new();
+        let mut all = patches.collect(|collector| self.add_corners(collector, mu));
+        let parts = (0..self.triangles.len()).into_par_iter().step_by(FACETS);
+        let of_part = |first: usize| {
+            patches.collect(|collector| {
                 for facet in first..(first + FACETS).min(self.triangles.len()) {
                     let Some(mu) = mu(facet) else { continue };
                     let corners = self.corners_of(facet);
-                    if patches.touch(span(corners.map(|it| it.row))) {
-                        add_steep(of, corners, patches, &mut own);
-                        self.add_edges(of, (facet, mu), patches, &mut own);
+                    if patches.touch(ends(&corners.map(|it| it.row))) {
+                        collector.add_steep(corners);
+                        self.add_edges(collector, facet, mu);
                     }
                 }
-                own
-            });
-        all.par_extend(parts);
+            })
+        };
+        all.par_extend(parts.flat_map_iter(of_part));
         all
     }
 
@@ -69,19 +69,19 @@ impl MeshImage<'_> {
         self.triangles[facet].map(|corner| self.corners[corner as usize])
     }
 
-    /// Corners around which the surface changes between above and below other than twice (Banchoff 1967): a facet changes
-    /// at its middle corner in the order of (row, number).
-    fn corners(
+    /// Adds corners around which the surface changes between above and below other than twice (Banchoff 1967): a facet
+    /// changes at its middle corner in the order of (row, number).
+    fn add_corners(
         &self,
-        of: &SampleImage<'_>,
+        collector: &mut Collector<'_>,
         mu: &(impl Fn(usize) -> Option<f64> + Sync),
-        patches: &Patches<'_>,
-    ) -> Vec<PatchChange> {
+    ) {
+        let patches = collector.patches;
         let mut changes = Vec::new();
         changes.resize_with(self.corners.len(), || AtomicU32::new(0));
         let row = |corner: u32| self.corners[corner as usize].row;
         self.triangles.par_iter().with_min_len(FACETS).enumerate().for_each(|(facet, corners)| {
-            if mu(facet).is_none() || !patches.touch(span(corners.map(row))) {
+            if mu(facet).is_none() || !patches.touch(ends(&corners.map(row))) {
                 return;
             }
             let mut order = *corners;
@@ -91,27 +91,17 @@ impl MeshImage<'_> {
             }
             changes[order[1] as usize].fetch_add(1, Ordering::Relaxed);
         });
-        let mut all = Vec::new();
         for (corner, changes) in self.corners.iter().zip(&changes) {
             let changes = changes.load(Ordering::Relaxed);
             let is_critical = changes & USED != 0 && changes != USED | 2;
             if is_critical && patches.touch([corner.row; 2]) {
-                for (beamlet, _) in of.beamlets([corner.x; 2]) {
-                    patches.add(beamlet, Change::Critical(corner.row), &mut all);
-                }
+                collector.add_to_beamlets([corner.x; 2], Change::Critical(corner.row));
             }
         }
-        all
     }
 
-    /// Crossings and creases of the edges of a facet, each edge by one of its facets.
-    fn add_edges(
-        &self,
-        of: &SampleImage<'_>,
-        (facet, mu): (usize, f64),
-        patches: &Patches<'_>,
-        all: &mut Vec<PatchChange>,
-    ) {
+    /// Adds crossings and creases of the edges of a facet, each edge by one of its facets.
+    fn add_edges(&self, collector: &mut Collector<'_>, facet: usize, mu: f64) {
         let corners = self.corners_of(facet);
         let own = area(corners);
         for (slot, other) in self.across[facet].iter().enumerate() {
@@ -121,7 +111,7 @@ impl MeshImage<'_> {
             }
             let [from, to] = [corners[(slot + 1) % 3], corners[(slot + 2) % 3]];
             if from.x.to_bits() == to.x.to_bits()
-                || !patches.touch(span([from.row, to.row, to.row]))
+                || !collector.patches.touch(ends(&[from.row, to.row]))
             {
                 continue;
             }
@@ -137,88 +127,74 @@ impl MeshImage<'_> {
                 Edge { ends: [to, from], is_above: !is_right }
             };
             if (own >= 0.0) != (area_beside >= 0.0) {
-                add_crossings(of, &edge, other.is_some(), patches, all);
+                collector.add_crossings(&edge, other.is_some());
             }
-            let slopes = [Some(corners), beside].map(|it| it.map_or(0.0, slope));
-            let bend = mu.abs() * (slopes[0] - slopes[1]).abs();
-            if bend > CREASE * of.tolerance {
-                add_crease(of, &edge, bend, patches, all);
-            }
+            let bend = mu.abs() * (slope(corners) - beside.map_or(0.0, slope)).abs();
+            collector.add_crease(&edge, bend);
         }
     }
 }
 
-/// Places where an outline crosses the borders of what counts of a beamlet and the surface within has an end. Every
-/// crossing counts where the edge is open (`is_closed` false).
-fn add_crossings(
-    of: &SampleImage<'_>,
-    edge: &Edge,
-    is_closed: bool,
-    patches: &Patches<'_>,
-    all: &mut Vec<PatchChange>,
-) {
-    let [a, b] = edge.ends;
-    let falls = b.row > a.row;
-    for (beamlet, [low, high]) in of.beamlets([a.x, b.x]) {
-        for (border, is_low) in [(low, true), (high, false)] {
-            if border <= a.x || border > b.x {
+impl Collector<'_> {
+    /// Adds places where an outline crosses the borders of what counts of a beamlet and the surface within has an end.
+    /// Every crossing counts where the edge is open (`is_closed` false).
+    fn add_crossings(&mut self, edge: &Edge, is_closed: bool) {
+        let [a, b] = edge.ends;
+        let falls = b.row > a.row;
+        for (beamlet, [low, high]) in self.patches.image.beamlets([a.x, b.x]) {
+            for (border, is_low) in [(low, true), (high, false)] {
+                if border <= a.x || border > b.x {
+                    continue;
+                }
+                // A surface below its edge begins within where the edge falls inwards, and one above it ends there where
+                // the edge rises inwards.
+                if !is_closed || (falls == is_low) == edge.is_above {
+                    self.add(beamlet, Change::Critical(edge.row_at(border)));
+                }
+            }
+        }
+    }
+
+    /// Adds a crease over which the slope of the optical depth changes by `bend`, per row, if that counts.
+    fn add_crease(&mut self, edge: &Edge, bend: f64) {
+        let image = self.patches.image;
+        let least = CREASE * image.tolerance;
+        if bend <= least {
+            return;
+        }
+        let [a, b] = edge.ends;
+        for (beamlet, [low, high]) in image.beamlets([a.x, b.x]) {
+            let [from, to] = [a.x.max(low), b.x.min(high)];
+            if to <= from {
                 continue;
             }
-            // A surface below its edge begins within where the edge falls inwards, and one above it ends there where the
-            // edge rises inwards.
-            if !is_closed || (falls == is_low) == edge.is_above {
-                patches.add(beamlet, Change::Critical(edge.row_at(border)), all);
+            let weight = bend * (to - from) / (high - low);
+            let ends = [from, to].map(|x| edge.row_at(x));
+            let height = (ends[1] - ends[0]).abs();
+            if weight < least * (height / CREASE_HEIGHT).max(1.0) {
+                continue;
+            }
+            if height < CREASE_HEIGHT {
+                let row = f64::midpoint(ends[0], ends[1]);
+                self.add(beamlet, Change::Crease { row, weight });
+            } else {
+                let weight = 0.5 * weight;
+                ends.into_iter().for_each(|row| self.add(beamlet, Change::Crease { row, weight }));
             }
         }
     }
-}
 
-/// Crease over which the slope of the optical depth changes by `bend`, per row.
-fn add_crease(
-    of: &SampleImage<'_>,
-    edge: &Edge,
-    bend: f64,
-    patches: &Patches<'_>,
-    all: &mut Vec<PatchChange>,
-) {
-    let least = CREASE * of.tolerance;
-    let [a, b] = edge.ends;
-    for (beamlet, [low, high]) in of.beamlets([a.x, b.x]) {
-        let [from, to] = [a.x.max(low), b.x.min(high)];
-        if to <= from {
-            continue;
+    /// Adds a facet of little height over its depth, as far as beamlets see it.
+    fn add_steep(&mut self, corners: [ImagePoint; 3]) {
+        let image = self.patches.image;
+        if !is_steep(corners, image.rows_per_metre()) {
+            return;
         }
-        let weight = bend * (to - from) / (high - low);
-        let ends = [from, to].map(|x| edge.row_at(x));
-        let height = (ends[1] - ends[0]).abs();
-        if weight < least * (height / CREASE_HEIGHT).max(1.0) {
-            continue;
-        }
-        let mut add = |row: f64, weight: f64| {
-            patches.add(beamlet, Change::Crease { row, weight }, all);
-        };
-        if height < CREASE_HEIGHT {
-            add(f64::midpoint(ends[0], ends[1]), weight);
-        } else {
-            ends.into_iter().for_each(|row| add(row, 0.5 * weight));
-        }
-    }
-}
-
-/// Facet of little height over its depth, as far as beamlets see it.
-fn add_steep(
-    of: &SampleImage<'_>,
-    corners: [ImagePoint; 3],
-    patches: &Patches<'_>,
-    all: &mut Vec<PatchChange>,
-) {
-    if !is_steep(corners, of.rows_per_metre()) {
-        return;
-    }
-    for (beamlet, ends) in of.beamlets(span(corners.map(|it| it.x))) {
-        let Some(rows) = clipped_rows(corners, ends) else { continue };
-        if rows[1] - rows[0] < 1.0 {
-            patches.add(beamlet, Change::Jump(rows), all);
+        for (beamlet, borders) in image.beamlets(ends(&corners.map(|it| it.x))) {
+            let Some(rows) = clipped_rows(corners, borders) else { continue };
+            if rows[1] - rows[0] < 1.0 {
+                self.add(beamlet, Change::Jump(rows));
+            }
         }
     }
 }
@@ -246,10 +222,6 @@ fn slope(corners: [ImagePoint; 3]) -> f64 {
 pub(super) fn is_steep(corners: [ImagePoint; 3], rows_per_metre: f64) -> bool {
     let [by_depth, by_row] = normal(corners);
     by_row.abs() > 0.0 && by_depth.abs() <= STEEP * rows_per_metre * by_row.abs()
-}
-
-fn span(values: [f64; 3]) -> [f64; 2] {
-    [values[0].min(values[1]).min(values[2]), values[0].max(values[1]).max(values[2])]
 }
 
 /// Row coordinates of a facet between two x.

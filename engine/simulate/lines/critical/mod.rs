@@ -13,7 +13,7 @@ mod shape;
 
 use crate::sampling::{Lattice, Opening, SampleFacets, ViewContext};
 use beamlet_core::numbers;
-use beamlet_geometry::Sample;
+use beamlet_geometry::{Placed, Sample};
 use beamlet_model::scene::Motion;
 use glam::DVec3;
 use mesh::MeshImage;
@@ -68,14 +68,21 @@ struct ImagePoint {
     depth: f64,
 }
 
-/// Patches whose changes are collected.
+/// Patches of some rows whose changes are collected.
 struct Patches<'a> {
+    image: &'a SampleImage<'a>,
     rows: Range<i64>,
     is_wanted: &'a (dyn Fn(i64, i64) -> bool + Sync),
 }
 
+/// Changes of light in patches, as they are found.
+struct Collector<'a> {
+    patches: &'a Patches<'a>,
+    found: Vec<PatchChange>,
+}
+
 impl<'a> SampleImage<'a> {
-    /// Of lines: what counts of a beamlet is what its openings hold, at any mask step of any design.
+    /// Image for lines: the openings of a beamlet, at any mask step of any design, bound what counts.
     pub(super) fn of_lines(view: &ViewContext<'a>) -> Self {
         let lattice = view.lattice;
         let openings = |beamlet| view.responses.openings(lattice.column(beamlet)).widest;
@@ -83,7 +90,7 @@ impl<'a> SampleImage<'a> {
             .with_borders(openings, 0.0)
     }
 
-    /// What counts of a beamlet is all of it.
+    /// Image of which whole beamlets count.
     pub(crate) fn new(
         sample: &'a Sample,
         facets: &'a SampleFacets,
@@ -96,7 +103,8 @@ impl<'a> SampleImage<'a> {
         whole.with_borders(|_| Vec::new(), 0.0)
     }
 
-    /// What counts of a beamlet is what its openings hold, all of it where there are none, and a width beyond, m.
+    /// The image with other borders: those of the union of the openings of a beamlet, of all of it where there are none,
+    /// moved outwards by a width, m.
     pub(crate) fn with_borders(
         mut self,
         openings: impl Fn(i64) -> Vec<Opening>,
@@ -122,33 +130,34 @@ impl<'a> SampleImage<'a> {
         is_selected: &[bool],
         is_wanted: &(dyn Fn(i64, i64) -> bool + Sync),
     ) -> Vec<PatchChange> {
-        let patches = Patches { rows, is_wanted };
+        let patches = Patches { image: self, rows, is_wanted };
         let mut all = self.changes_of_own(is_selected, &patches);
         let placed = self.sample.placed.par_iter().filter(|it| {
             let prototype = &self.sample.prototypes[it.prototype as usize];
             let components = it.component as usize..;
             components.take(prototype.components.len()).any(|component| is_selected[component])
         });
-        let of_placed = placed.flat_map_iter(|placed| {
-            let prototype = &self.sample.prototypes[placed.prototype as usize];
-            if let Some(shape) = prototype.shape {
-                return self.changes_of_shape(shape, placed, &patches);
-            }
-            let corners = prototype.vertices.iter();
-            let corners = corners.map(|it| self.project(placed.place.world_from_own(*it)));
-            let image = MeshImage {
-                corners: corners.collect(),
-                triangles: &prototype.triangles,
-                across: &prototype.across,
-            };
-            let mu = |triangle: usize| {
-                let component = placed.component + prototype.triangle_component[triangle];
-                Some(self.facets.steps[component as usize].mu)
-            };
-            image.changes(self, &mu, &patches)
-        });
-        all.par_extend(of_placed);
+        all.par_extend(placed.flat_map_iter(|placed| self.changes_of_placed(placed, &patches)));
         all
+    }
+
+    /// Changes by a mesh or an exact shape in its place.
+    fn changes_of_placed(&self, placed: &Placed, patches: &Patches<'_>) -> Vec<PatchChange> {
+        let prototype = &self.sample.prototypes[placed.prototype as usize];
+        if let Some(shape) = prototype.shape {
+            return patches.changes_of_shape(shape, placed);
+        }
+        let corners = prototype.vertices.iter();
+        let corners = corners.map(|it| self.project(placed.place.world_from_own(*it)));
+        let image = MeshImage {
+            corners: corners.collect(),
+            triangles: &prototype.triangles,
+            across: &prototype.across,
+        };
+        image.changes(patches, &|triangle| {
+            let component = placed.component + prototype.triangle_component[triangle];
+            Some(self.facets.steps[component as usize].mu)
+        })
     }
 
     /// Changes by the triangles of the sample that no prototype has.
@@ -164,18 +173,21 @@ impl<'a> SampleImage<'a> {
             triangles: &sample.triangles,
             across: &self.facets.across,
         };
-        let mu = |triangle: usize| {
+        image.changes(patches, &|triangle| {
             let component = sample.triangle_component[triangle] as usize;
             is_selected[component].then(|| self.facets.steps[component].mu)
-        };
-        image.changes(self, &mu, patches)
+        })
     }
 
     /// Image of a point of the sample.
     fn project(&self, point: DVec3) -> ImagePoint {
-        let it = self.motion.at(point);
-        let [x, row] = self.lattice.project(it.x, it.y, it.z);
-        ImagePoint { x, row, depth: it.y }
+        self.project_from_beam(self.motion.at(point))
+    }
+
+    /// Image of a point of the beam frame.
+    fn project_from_beam(&self, point: DVec3) -> ImagePoint {
+        let [x, row] = self.lattice.project(point.x, point.y, point.z);
+        ImagePoint { x, row, depth: point.y }
     }
 
     /// Beamlets of which an interval of x counts, with their borders.
@@ -198,15 +210,32 @@ impl Patches<'_> {
         high >= self.rows.start as f64 - BESIDE && low <= self.rows.end as f64 + BESIDE
     }
 
+    /// The changes that a search adds.
+    fn collect(&self, search: impl FnOnce(&mut Collector<'_>)) -> Vec<PatchChange> {
+        let mut collector = Collector { patches: self, found: Vec::new() };
+        search(&mut collector);
+        collector.found
+    }
+}
+
+impl Collector<'_> {
     /// Adds a change of a beamlet to the patches that it falls on.
-    fn add(&self, beamlet: i64, change: Change, all: &mut Vec<PatchChange>) {
+    fn add(&mut self, beamlet: i64, change: Change) {
+        let Patches { rows, is_wanted, .. } = self.patches;
         let ends = match change {
             Change::Critical(row) | Change::Crease { row, .. } => [row; 2],
             Change::Jump([low, high]) => [low - BESIDE, high + BESIDE],
         };
         let [first, last] = ends.map(|row| numbers::whole::<i64>(row.floor()));
-        let rows = first.max(self.rows.start)..(last + 1).min(self.rows.end);
-        let rows = rows.filter(|row| (self.is_wanted)(beamlet, *row));
-        all.extend(rows.map(|row| PatchChange { beamlet, row, change }));
+        let rows = first.max(rows.start)..(last + 1).min(rows.end);
+        let rows = rows.filter(|row| is_wanted(beamlet, *row));
+        self.found.extend(rows.map(|row| PatchChange { beamlet, row, change }));
+    }
+
+    /// Adds a change of all beamlets of which an interval of x counts.
+    fn add_to_beamlets(&mut self, x: [f64; 2], change: Change) {
+        for (beamlet, _) in self.patches.image.beamlets(x) {
+            self.add(beamlet, change);
+        }
     }
 }

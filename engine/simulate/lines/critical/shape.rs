@@ -1,9 +1,10 @@
 //! Exact shapes in the image from the source: ends of the body, of its bore and of its caps, in closed form.
 
 use super::mesh::is_steep;
-use super::{Change, PatchChange, Patches, SampleImage};
+use super::{Change, Collector, ImagePoint, PatchChange, Patches, SampleImage};
 use crate::lines::by_shapes::{ShapeInBeam, roots};
 use beamlet_geometry::{AnalyticForm, AnalyticShape, Placed};
+use beamlet_model::optics::ends;
 use glam::{DMat3, DVec3};
 
 /// Circle about an axis, m in the beam frame.
@@ -24,122 +25,96 @@ enum Round {
     },
 }
 
-impl SampleImage<'_> {
+impl Patches<'_> {
     /// Changes by an exact shape in its place.
     pub(super) fn changes_of_shape(
         &self,
         shape: AnalyticShape,
         placed: &Placed,
-        patches: &Patches<'_>,
     ) -> Vec<PatchChange> {
-        let mut all = Vec::new();
-        let [x, y, z] = self.motion.rows();
-        let rotation = DMat3::from_cols(x, y, z).transpose();
-        let centre = self.motion.at(placed.place.position);
-        let turned = rotation * DMat3::from_quat(placed.place.rotation);
+        let rotation = self.image.motion.rotation();
+        let centre = self.image.motion.at(placed.place.position);
         let in_beam = ShapeInBeam::new(shape, placed, &rotation, centre);
-        if !patches.touch(self.rows_around(&in_beam)) {
-            return all;
+        if !self.touch(self.image.rows_around(&in_beam)) {
+            return Vec::new();
         }
-        self.add_crossings_of(&in_beam, patches, &mut all);
+        let turned = rotation * DMat3::from_quat(placed.place.rotation);
         let scales = placed.place.scales();
         let disc = |z: f64, radius: f64| {
             let centre = centre + turned * (DVec3::Z * z * scales.z);
             Circle { centre, axis: turned.z_axis, radius: radius * scales.x }
         };
-        let (discs, bore, half_height) = match shape.form() {
-            AnalyticForm::Ellipsoid(axes) => {
-                let axes = turned * DMat3::from_diagonal(scales * axes);
-                self.add_ends(&Round::Ellipsoid { centre, axes }, patches, &mut all);
-                return all;
+        self.collect(|collector| {
+            collector.add_crossings_of(&in_beam);
+            match shape.form() {
+                AnalyticForm::Ellipsoid(axes) => {
+                    let axes = turned * DMat3::from_diagonal(scales * axes);
+                    collector.add_round(&Round::Ellipsoid { centre, axes });
+                }
+                AnalyticForm::Frustum(it) => {
+                    for z in [-it.half_height, it.half_height] {
+                        collector.add_cap(disc(z, it.radius + it.widening * z));
+                    }
+                }
+                AnalyticForm::Tube(it) => {
+                    for z in [-it.half_height, it.half_height] {
+                        collector.add_cap(disc(z, it.outer));
+                        collector.add_round(&Round::Circle(disc(z, it.inner)));
+                    }
+                }
             }
-            AnalyticForm::Frustum(it) => (
-                [-it.half_height, it.half_height].map(|z| disc(z, it.radius + it.widening * z)),
-                0.0,
-                it.half_height,
-            ),
-            AnalyticForm::Tube(it) => (
-                [-it.half_height, it.half_height].map(|z| disc(z, it.outer)),
-                it.inner,
-                it.half_height,
-            ),
-        };
-        for circle in discs {
-            self.add_cap(&circle, patches, &mut all);
-            self.add_ends(&Round::Circle(circle), patches, &mut all);
-        }
-        if bore > 0.0 {
-            for z in [-half_height, half_height] {
-                self.add_ends(&Round::Circle(disc(z, bore)), patches, &mut all);
-            }
-        }
-        all
+        })
     }
+}
 
+impl SampleImage<'_> {
     /// Row coordinates within which a shape lies.
     fn rows_around(&self, shape: &ShapeInBeam) -> [f64; 2] {
         let [low, high] = shape.slopes_around(self.lattice.source());
         // Rows go downwards.
         [high, low].map(|slope| self.lattice.row_of_slope(slope))
     }
+}
 
-    /// Heights at which the vertical borders of beamlets begin and end to cut a shape, its bore or a cap.
-    fn add_crossings_of(
-        &self,
-        shape: &ShapeInBeam,
-        patches: &Patches<'_>,
-        all: &mut Vec<PatchChange>,
-    ) {
-        let source = self.lattice.source();
-        for (beamlet, borders) in self.beamlets(shape.x_around(source, self.lattice.plane)) {
+impl Collector<'_> {
+    /// Adds heights at which the vertical borders of beamlets begin and end to cut a shape, its bore or a cap.
+    fn add_crossings_of(&mut self, shape: &ShapeInBeam) {
+        let image = self.patches.image;
+        let (lattice, source) = (image.lattice, image.lattice.source());
+        for (beamlet, borders) in image.beamlets(shape.x_around(source, lattice.plane)) {
             for border in borders {
-                let slope_x = border / self.lattice.plane;
-                for slope in shape.ends_along_z(source, slope_x) {
-                    let row = self.lattice.row_of_slope(slope);
-                    patches.add(beamlet, Change::Critical(row), all);
+                for slope in shape.ends_along_z(source, border / lattice.plane) {
+                    self.add(beamlet, Change::Critical(lattice.row_of_slope(slope)));
                 }
             }
         }
     }
 
-    /// Least and greatest row coordinate of a body.
-    fn add_ends(&self, body: &Round, patches: &Patches<'_>, all: &mut Vec<PatchChange>) {
-        for point in body.ends(self.lattice.source()) {
-            let [x, row] = self.lattice.project(point.x, point.y, point.z);
-            for (beamlet, _) in self.beamlets([x; 2]) {
-                patches.add(beamlet, Change::Critical(row), all);
-            }
-        }
+    /// Adds the least and the greatest row coordinate of a body, and gives them.
+    fn add_round(&mut self, body: &Round) -> Vec<f64> {
+        let image = self.patches.image;
+        let ends = body.ends(image.lattice.source()).into_iter();
+        let add = |point: DVec3| {
+            let ImagePoint { x, row, .. } = image.project_from_beam(point);
+            self.add_to_beamlets([x; 2], Change::Critical(row));
+            row
+        };
+        ends.map(add).collect()
     }
 
-    /// Jump at a cap that is seen from the side.
-    fn add_cap(&self, cap: &Circle, patches: &Patches<'_>, all: &mut Vec<PatchChange>) {
+    /// Adds the ends of a cap, and a jump where it is seen from the side.
+    fn add_cap(&mut self, cap: Circle) {
+        let image = self.patches.image;
         let across = cap.axis.any_orthonormal_vector() * cap.radius;
         let beside = cap.axis.cross(across);
-        let project = |it: DVec3| {
-            let [x, row] = self.lattice.project(it.x, it.y, it.z);
-            super::ImagePoint { x, row, depth: it.y }
-        };
-        let corners = [cap.centre, cap.centre + across, cap.centre + beside].map(project);
-        if cap.radius <= 0.0 || !is_steep(corners, self.rows_per_metre()) {
-            return;
-        }
+        let at = |off: DVec3| image.project_from_beam(cap.centre + off);
+        let corners = [DVec3::ZERO, across, beside].map(at);
+        let is_jump = cap.radius > 0.0 && is_steep(corners, image.rows_per_metre());
         // The square around the cap: of one that is seen from the side its rows are those of the cap, nearly.
-        let square = [across, beside, -across, -beside].map(|it| project(cap.centre + it));
-        let x = square.iter().fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], it| {
-            [low.min(it.x), high.max(it.x)]
-        });
-        let ends = Round::Circle(Circle { ..*cap }).ends(self.lattice.source());
-        let rows: Vec<f64> = ends.iter().map(|it| project(*it).row).collect();
-        let [Some(top), Some(bottom)] =
-            [rows.iter().copied().reduce(f64::min), rows.into_iter().reduce(f64::max)]
-        else {
-            return;
-        };
-        if bottom - top < 1.0 {
-            for (beamlet, _) in self.beamlets(x) {
-                patches.add(beamlet, Change::Jump([top, bottom]), all);
-            }
+        let x = ends(&[across, beside, -across, -beside].map(|it| at(it).x));
+        let rows = ends(&self.add_round(&Round::Circle(cap)));
+        if is_jump && (0.0..1.0).contains(&(rows[1] - rows[0])) {
+            self.add_to_beamlets(x, Change::Jump(rows));
         }
     }
 }
